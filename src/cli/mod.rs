@@ -5,10 +5,12 @@ mod beats;
 mod bench;
 mod build;
 mod check;
+mod completions;
 mod demo;
 mod devices;
 mod inputs;
 mod inspect;
+mod man;
 mod play;
 mod rehearse;
 mod render;
@@ -81,6 +83,12 @@ enum Command {
     },
     /// Check a show file and print every error, or OK
     Check(check::CheckArgs),
+    /// Print the script that completes commands and options in a shell
+    #[command(hide = true)]
+    Completions(completions::CompletionsArgs),
+    /// Print the manual page, or write the pages of all commands
+    #[command(hide = true)]
+    Man(man::ManArgs),
 }
 
 impl Command {
@@ -101,6 +109,8 @@ impl Command {
             Self::Devices => devices::devices(),
             Self::Bench { part } => bench::bench(part),
             Self::Check(args) => check::check(args),
+            Self::Completions(args) => completions::completions(args),
+            Self::Man(args) => man::man(args),
         }
     }
 }

@@ -10,6 +10,7 @@ mod beat_whole;
 mod control_characters;
 mod film;
 mod overwrite;
+mod packages;
 mod record_cues;
 mod rehearse;
 mod render;
