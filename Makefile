@@ -1,4 +1,4 @@
-.PHONY: demo test lint features windows macos-check
+.PHONY: demo test lint features windows macos-check install uninstall
 
 # Every Cargo feature alone, and none, compiles without a warning.
 features:
@@ -36,3 +36,40 @@ macos-check:
 	scripts/cross/prepare
 	scripts/cross/macos-check aarch64
 	scripts/cross/macos-check x86_64
+
+# Installs the program that `cargo build --release --locked` built, with manual pages, completions, systemd unit, menu entry and documentation.
+# BINARY selects another program; DESTDIR stands before each path, for packages.
+TARGET := $(or $(CARGO_TARGET_DIR),target)
+PREFIX ?= /usr/local
+BINARY ?= $(TARGET)/release/corybant
+SHARE = $(DESTDIR)$(PREFIX)/share
+DOC = $(SHARE)/doc/corybant
+UNIT = $(SHARE)/systemd/user/corybant.service
+BASH = $(SHARE)/bash-completion/completions/corybant
+ZSH = $(SHARE)/zsh/site-functions/_corybant
+FISH = $(SHARE)/fish/vendor_completions.d/corybant.fish
+DESKTOP = $(SHARE)/applications/corybant.desktop
+ICON = $(SHARE)/icons/hicolor/scalable/apps/corybant.svg
+
+install:
+	@[ -x "$(BINARY)" ] || { echo "There is no program $(BINARY): run \`cargo build --release --locked\` first, or set BINARY."; exit 1; }
+	install -d "$(DESTDIR)$(PREFIX)/bin" "$(SHARE)/man/man1" "$(DOC)/docs/images" "$(DOC)/examples"
+	install -d "$(dir $(BASH))" "$(dir $(ZSH))" "$(dir $(FISH))" "$(dir $(UNIT))" "$(dir $(DESKTOP))" "$(dir $(ICON))"
+	install -m 755 "$(BINARY)" "$(DESTDIR)$(PREFIX)/bin/corybant"
+	"$(BINARY)" man "$(SHARE)/man/man1"
+	chmod 644 "$(SHARE)"/man/man1/corybant*.1
+	"$(BINARY)" completions bash > "$(BASH)"
+	"$(BINARY)" completions zsh > "$(ZSH)"
+	"$(BINARY)" completions fish > "$(FISH)"
+	sed 's|/usr/bin/|$(PREFIX)/bin/|' packaging/linux/corybant.service > "$(UNIT)"
+	install -m 644 packaging/linux/corybant.desktop "$(DESKTOP)"
+	install -m 644 src/web/assets/icon.svg "$(ICON)"
+	install -m 644 README.md CHANGELOG.md LICENSE "$(DOC)"
+	install -m 644 docs/*.md "$(DOC)/docs"
+	install -m 644 docs/images/* "$(DOC)/docs/images"
+	install -m 644 config/* packaging/linux/limits.conf "$(DOC)/examples"
+
+uninstall:
+	rm -f "$(DESTDIR)$(PREFIX)/bin/corybant" "$(SHARE)"/man/man1/corybant.1 "$(SHARE)"/man/man1/corybant-*.1
+	rm -f "$(BASH)" "$(ZSH)" "$(FISH)" "$(UNIT)" "$(DESKTOP)" "$(ICON)"
+	rm -rf "$(DOC)"

@@ -54,3 +54,68 @@ fn bash_completes_commands_and_options() {
     assert_eq!(completed("rep"), "replay");
     assert_eq!(completed("run --rec"), "--record-cues --record");
 }
+
+/// Runs `make` in the root of the repository with the program of the tests, and an empty folder as
+/// the root of the system.
+#[cfg(target_os = "linux")]
+fn make(goal: &str, root: &std::path::Path) {
+    let done = Command::new("make")
+        .current_dir(crate::ROOT)
+        .args([goal, "PREFIX=/usr"])
+        .arg(format!("DESTDIR={}", root.display()))
+        .arg(concat!("BINARY=", env!("CARGO_BIN_EXE_corybant")))
+        .output()
+        .unwrap();
+    assert!(done.status.success(), "{goal}: {done:?}");
+}
+
+/// Returns the paths of all files below `folder`, relative to it.
+#[cfg(target_os = "linux")]
+fn files_below(folder: &std::path::Path) -> Vec<String> {
+    let mut folders = vec![folder.to_owned()];
+    let mut found = Vec::new();
+    while let Some(next) = folders.pop() {
+        for entry in std::fs::read_dir(next).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                let path = path.strip_prefix(folder).unwrap();
+                found.push(path.to_str().unwrap().to_owned());
+            }
+        }
+    }
+    found
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn make_installs_and_uninstalls_the_program_with_its_files() {
+    let root = tempfile::tempdir().unwrap();
+    make("install", root.path());
+    let files = files_below(root.path());
+    for file in [
+        "usr/bin/corybant",
+        "usr/share/applications/corybant.desktop",
+        "usr/share/bash-completion/completions/corybant",
+        "usr/share/doc/corybant/LICENSE",
+        "usr/share/doc/corybant/docs/show-file.md",
+        "usr/share/doc/corybant/examples/reference.toml",
+        "usr/share/fish/vendor_completions.d/corybant.fish",
+        "usr/share/icons/hicolor/scalable/apps/corybant.svg",
+        "usr/share/man/man1/corybant-run.1",
+        "usr/share/systemd/user/corybant.service",
+        "usr/share/zsh/site-functions/_corybant",
+    ] {
+        assert!(files.iter().any(|found| found == file), "{file}: {files:?}");
+    }
+    // The unit starts the program where it was installed.
+    let unit = root.path().join("usr/share/systemd/user/corybant.service");
+    let unit = std::fs::read_to_string(unit).unwrap();
+    assert!(
+        unit.contains("\nExecStart=/usr/bin/corybant run "),
+        "{unit}"
+    );
+    make("uninstall", root.path());
+    assert_eq!(files_below(root.path()), [""; 0]);
+}
