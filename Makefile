@@ -1,4 +1,4 @@
-.PHONY: demo test lint features windows macos-check install uninstall
+.PHONY: demo test lint features windows macos-check install uninstall deb
 
 # Every Cargo feature alone, and none, compiles without a warning.
 features:
@@ -73,3 +73,9 @@ uninstall:
 	rm -f "$(DESTDIR)$(PREFIX)/bin/corybant" "$(SHARE)"/man/man1/corybant.1 "$(SHARE)"/man/man1/corybant-*.1
 	rm -f "$(BASH)" "$(ZSH)" "$(FISH)" "$(UNIT)" "$(DESKTOP)" "$(ICON)"
 	rm -rf "$(DOC)"
+
+# Builds target/package/corybant_VERSION_ARCHITECTURE.deb.
+deb:
+	@scripts/install-system-packages deb
+	cargo build --release --locked
+	scripts/build-deb "$(BINARY)"
