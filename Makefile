@@ -1,4 +1,4 @@
-.PHONY: demo test lint features windows macos-check install uninstall deb
+.PHONY: demo test lint features windows macos-check install uninstall deb tarball app
 
 # Every Cargo feature alone, and none, compiles without a warning.
 features:
@@ -74,8 +74,10 @@ uninstall:
 	rm -f "$(BASH)" "$(ZSH)" "$(FISH)" "$(UNIT)" "$(DESKTOP)" "$(ICON)"
 	rm -rf "$(DOC)"
 
-# Builds target/package/corybant_VERSION_ARCHITECTURE.deb.
-deb:
-	@scripts/install-system-packages deb
-	cargo build --release --locked
-	scripts/build-deb "$(BINARY)"
+# Packages in target/package. CARGO_FLAGS may select features, for example on Apple silicon "--no-default-features --features link,tui,video".
+# deb: corybant_VERSION_ARCHITECTURE.deb for Debian and Ubuntu. tarball: corybant-VERSION-ARCHITECTURE-linux.tar.xz for other distributions.
+# app: Corybant.app for macOS.
+deb tarball app:
+	@[ "$@" != deb ] || scripts/install-system-packages deb
+	cargo build --release --locked $(CARGO_FLAGS)
+	scripts/build-$@ "$(BINARY)"

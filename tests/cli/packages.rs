@@ -119,3 +119,54 @@ fn make_installs_and_uninstalls_the_program_with_its_files() {
     make("uninstall", root.path());
     assert_eq!(files_below(root.path()), [""; 0]);
 }
+
+/// Returns the texts of the keys and values of the property list `file` in `packaging/macos`, in
+/// their order.
+fn property_list(file: &str) -> Vec<(String, String)> {
+    let path = format!("{}/packaging/macos/{file}", crate::ROOT);
+    let text = std::fs::read_to_string(path).unwrap();
+    let options = roxmltree::ParsingOptions {
+        allow_dtd: true,
+        ..Default::default()
+    };
+    let document = roxmltree::Document::parse_with_options(&text, options).unwrap();
+    let dict = document
+        .descendants()
+        .find(|node| node.has_tag_name("dict"));
+    let items: Vec<_> = dict
+        .unwrap()
+        .children()
+        .filter(|node| node.is_element())
+        .collect();
+    items
+        .chunks(2)
+        .map(|pair| {
+            assert!(pair[0].has_tag_name("key"), "{file}: {:?}", pair[0]);
+            let value = pair[1].text().unwrap_or(pair[1].tag_name().name());
+            (pair[0].text().unwrap().to_owned(), value.to_owned())
+        })
+        .collect()
+}
+
+#[test]
+fn the_macos_bundle_has_the_version_and_the_reasons_for_its_permissions() {
+    let info = property_list("Info.plist");
+    let value = |key: &str| {
+        let found = info.iter().find(|(name, _)| name == key);
+        found
+            .unwrap_or_else(|| panic!("{key} is missing"))
+            .1
+            .as_str()
+    };
+    let version = env!("CARGO_PKG_VERSION");
+    assert_eq!(value("CFBundleShortVersionString"), version);
+    assert_eq!(value("CFBundleVersion"), version);
+    assert_eq!(value("CFBundleExecutable"), "corybant");
+    for permission in ["AudioCapture", "LocalNetwork", "Microphone"] {
+        let reason = value(&format!("NS{permission}UsageDescription"));
+        assert!(reason.ends_with('.'), "{permission}: {reason}");
+    }
+    let entitlements = property_list("entitlements.plist");
+    let audio = "com.apple.security.device.audio-input".to_owned();
+    assert_eq!(entitlements, [(audio, "true".to_owned())]);
+}
