@@ -8,13 +8,13 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use cpal::traits::{DeviceTrait, HostTrait, StreamTrait};
-use cpal::{Device, Stream, StreamConfig, SupportedStreamConfig};
+use cpal::{Device, ErrorKind, Stream, StreamConfig, SupportedStreamConfig};
 
 use crate::audio::callback::{DeviceActivity, ErrorHandler, Playback, Progress, can_use};
 use crate::audio::feed::{FileFeed, PlayedFeed};
 use crate::audio::input::DeviceError;
 use crate::audio::input::devices::{
-    DeviceName, block_sizes, default_host, jack_host, silence_libraries,
+    DeviceName, block_sizes, default_output, jack_host, silence_libraries,
 };
 use crate::audio::resample::{RateError, resample_all, resample_loop};
 use corybant_core::dsp::SAMPLE_RATE;
@@ -123,14 +123,9 @@ impl Playing {
 /// can run without one.
 pub fn open(sound: Arc<[f32]>, looped: bool) -> Result<Playing, DeviceError> {
     silence_libraries();
-    let none = |reason: String| DeviceError::NoDefault {
+    let device = default_output().map_err(|reason| DeviceError::NoDefault {
         direction: "output",
         reason,
-    };
-    let system = default_host().map_err(|error| none(error.to_string()));
-    let device = system.and_then(|host| {
-        host.default_output_device()
-            .ok_or_else(|| none("the system has none".into()))
     });
     match device.and_then(|device| open_device(&device, &sound, looped)) {
         Ok(playing) => Ok(playing),
@@ -143,23 +138,27 @@ pub fn open(sound: Arc<[f32]>, looped: bool) -> Result<Playing, DeviceError> {
 
 fn open_device(device: &Device, sound: &Arc<[f32]>, looped: bool) -> Result<Playing, DeviceError> {
     let name = DeviceName::of(device);
-    let refused = |reason: String| DeviceError::Refused {
-        device: format!("the output {}", name.name),
-        reason,
+    let refused =
+        |error: &cpal::Error| DeviceError::refused(format!("the output {}", name.name), error);
+    let unusable = |reason: String| {
+        refused(&cpal::Error::with_message(
+            ErrorKind::UnsupportedConfig,
+            reason,
+        ))
     };
     let config = device
         .default_output_config()
-        .map_err(|error| refused(error.to_string()))?;
+        .map_err(|error| refused(&error))?;
     let format = config.sample_format();
     if !can_use(format) {
-        return Err(refused(format!(
+        return Err(unusable(format!(
             "it only takes samples of the format {format}"
         )));
     }
     let rate_hz = config.sample_rate();
     let sound =
-        DeviceSound::new(sound, looped, rate_hz).map_err(|error| refused(error.to_string()))?;
-    let mut reason = String::new();
+        DeviceSound::new(sound, looped, rate_hz).map_err(|error| unusable(error.to_string()))?;
+    let mut last_error = cpal::Error::new(ErrorKind::UnsupportedConfig);
     for buffer_size in block_sizes(&config) {
         let (activity, progress) = (
             Arc::new(DeviceActivity::default()),
@@ -188,10 +187,10 @@ fn open_device(device: &Device, sound: &Arc<[f32]>, looped: bool) -> Result<Play
                     description,
                 });
             }
-            Err(error) => reason = error.to_string(),
+            Err(error) => last_error = error,
         }
     }
-    Err(refused(reason))
+    Err(refused(&last_error))
 }
 
 fn start_stream(

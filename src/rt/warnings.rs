@@ -4,6 +4,8 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use corybant_core::text::one_line;
+
 /// The current warnings of a show, at most one for each subject. Clones share the warnings.
 #[derive(Clone, Debug, Default)]
 pub struct Warnings {
@@ -12,8 +14,10 @@ pub struct Warnings {
 
 impl Warnings {
     /// Sets the warning about the subject `about` to the sentence `words`. The warning is logged if
-    /// it differs from the current warning about this subject.
+    /// it differs from the current warning about this subject. Control characters in names from
+    /// outside are escaped.
     pub fn set(&self, about: &str, words: &str) {
+        let words = &*one_line(words);
         let mut active = self.active();
         if active.get(about).is_none_or(|earlier| earlier != words) {
             tracing::warn!("{about}: {words}");
@@ -49,9 +53,9 @@ mod tests {
         let other = warnings.clone();
         warnings.set("midi 1", "not there");
         warnings.set("midi 1", "gone");
-        warnings.set("osc", "busy");
-        assert_eq!(other.list(), ["midi 1: gone", "osc: busy"]);
+        warnings.set("osc", "\u{202e}busy");
+        assert_eq!(other.list(), ["midi 1: gone", "osc: \\u{202e}busy"]);
         other.clear("midi 1");
-        assert_eq!(warnings.list(), ["osc: busy"]);
+        assert_eq!(warnings.list().len(), 1);
     }
 }

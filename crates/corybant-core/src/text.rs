@@ -1,7 +1,7 @@
 //! Escapes control characters in texts for people: names of labels, clips, devices and files come
-//! from outside and could move the cursor or change the colours of a terminal. In: texts. Out:
-//! texts in which a control character is written like `\u{1b}`. Thread: any. Allocates: only if a
-//! text has a control character.
+//! from outside and could move the cursor or change the colours of a terminal, or turn the direction
+//! of the text after them. In: texts. Out: texts in which a control character is written like
+//! `\u{1b}`. Thread: any. Allocates: only if a text has a control character.
 
 use std::borrow::Cow;
 
@@ -11,12 +11,12 @@ use std::borrow::Cow;
 /// assert_eq!(corybant_core::text::one_line("red\u{1b}[31m\n"), "red\\u{1b}[31m\\n");
 /// ```
 pub fn one_line(text: &str) -> Cow<'_, str> {
-    escape(text, char::is_control)
+    escape(text, is_control)
 }
 
 /// Returns `text` with each control character except the line feed escaped.
 pub fn lines(text: &str) -> Cow<'_, str> {
-    escape(text, |c| c.is_control() && c != '\n')
+    escape(text, |c| is_control(c) && c != '\n')
 }
 
 /// Returns `texts` joined to one text with one line for each of them. Control characters are
@@ -24,6 +24,14 @@ pub fn lines(text: &str) -> Cow<'_, str> {
 pub fn one_line_each<T: AsRef<str>>(texts: &[T]) -> String {
     let lines: Vec<Cow<str>> = texts.iter().map(|text| one_line(text.as_ref())).collect();
     lines.join("\n")
+}
+
+/// Returns true for control characters, for the separators of lines and paragraphs, and for the
+/// invisible characters that change the direction of the text around them. Text in a script from
+/// right to left needs none of these.
+fn is_control(c: char) -> bool {
+    c.is_control()
+        || matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
 fn escape(text: &str, is_escaped: impl Fn(char) -> bool) -> Cow<'_, str> {
@@ -54,7 +62,19 @@ mod tests {
     }
 
     #[test]
+    fn the_direction_of_the_text_is_not_changed() {
+        let text = "a\u{202e}cim\u{2066}\u{200f}\u{2028}b";
+        let escaped = "a\\u{202e}cim\\u{2066}\\u{200f}\\u{2028}b";
+        assert_eq!(
+            (one_line(text), lines(text)),
+            (escaped.into(), escaped.into())
+        );
+    }
+
+    #[test]
     fn other_text_is_not_copied() {
-        assert!(matches!(one_line("Kyū, 100 % – ▄█"), Cow::Borrowed(_)));
+        for text in ["Kyū, 100 % – ▄█", "מיקרופון", "👩\u{200d}🎤 Mic"] {
+            assert!(matches!(one_line(text), Cow::Borrowed(_)));
+        }
     }
 }

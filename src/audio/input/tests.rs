@@ -1,5 +1,6 @@
 use corybant_core::dsp::SAMPLE_RATE;
-use ringbuf::traits::Producer;
+use ringbuf::HeapRb;
+use ringbuf::traits::{Producer, Split};
 
 use super::*;
 

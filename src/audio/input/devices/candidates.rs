@@ -5,10 +5,11 @@
 //! output device. PipeWire does the same, and lists its output devices as input devices too.
 //! PulseAudio has an input device "NAME.monitor" for each output device. ALSA and JACK have none.
 
+use cpal::Device;
 use cpal::traits::{DeviceTrait, HostTrait};
-use cpal::{Device, Host, HostId};
 
-use super::{DeviceName, is_host};
+use super::DeviceName;
+use super::services::Service;
 
 /// End of the id of a PulseAudio input device that delivers the sound of an output device.
 const MONITOR: &str = ".monitor";
@@ -24,19 +25,20 @@ pub(super) struct Candidate {
     pub(super) is_loopback: bool,
 }
 
-/// Returns the devices of `host`, the audio service `id`, whose sound a show can use.
+/// Returns the devices of `service` whose sound a show can use.
 ///
 /// # Errors
-/// The service does not list its devices.
-pub(super) fn candidates(id: HostId, host: &Host) -> Result<Vec<Candidate>, cpal::Error> {
-    let is_pipewire = is_host(id, "PipeWire");
-    let devices = host
+/// The service does not answer, or does not list its devices.
+pub(super) fn candidates(service: &Service) -> Result<Vec<Candidate>, cpal::Error> {
+    let is_pipewire = service.is("PipeWire");
+    let devices = service
+        .host()?
         .devices()?
         .map(|device| (DeviceName::of(&device), device));
     let candidates = devices
         .filter(|(name, _)| !(is_pipewire && name.id.ends_with(FOLLOWERS)))
         .map(|(name, device)| Candidate {
-            is_loopback: is_loopback(id, &device, &name),
+            is_loopback: is_loopback(service, &device, &name),
             device,
             name,
         })
@@ -44,8 +46,8 @@ pub(super) fn candidates(id: HostId, host: &Host) -> Result<Vec<Candidate>, cpal
     Ok(candidates.collect())
 }
 
-fn is_loopback(host: HostId, device: &Device, name: &DeviceName) -> bool {
-    match host.name().to_lowercase().as_str() {
+fn is_loopback(service: &Service, device: &Device, name: &DeviceName) -> bool {
+    match service.name.to_lowercase().as_str() {
         "pipewire" | "wasapi" => device.supports_output(),
         // A stream on a device that also has inputs records these inputs.
         "coreaudio" => device.supports_output() && !device.supports_input(),
@@ -54,15 +56,15 @@ fn is_loopback(host: HostId, device: &Device, name: &DeviceName) -> bool {
     }
 }
 
-/// Returns the device from which `host`, the audio service `id`, delivers the sound of the default
-/// output device; `None` if the service has no loopback or no output device.
-pub(super) fn default_loopback(id: HostId, host: &Host) -> Option<Device> {
-    let output = host.default_output_device()?;
-    match id.name().to_lowercase().as_str() {
+/// Returns the device from which `service` delivers the sound of the default output device; `None`
+/// if the service does not answer, or has no loopback or no output device.
+pub(super) fn default_loopback(service: &Service) -> Option<Device> {
+    let output = service.host().ok()?.default_output_device()?;
+    match service.name.to_lowercase().as_str() {
         "pipewire" | "wasapi" | "coreaudio" => Some(output),
         "pulseaudio" => {
             let monitor = DeviceName::of(&output).id + MONITOR;
-            let found = candidates(id, host).ok()?.into_iter();
+            let found = candidates(service).ok()?.into_iter();
             found
                 .filter(|candidate| candidate.name.id == monitor)
                 .map(|candidate| candidate.device)

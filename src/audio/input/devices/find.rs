@@ -5,10 +5,8 @@ use cpal::Device;
 use cpal::traits::HostTrait;
 
 use super::candidates::{Candidate, candidates, default_loopback};
-use super::{
-    DEFAULT, DeviceError, DeviceName, JACK, OUTPUT, OUTPUT_PREFIX, default_host, hosts, jack_host,
-    silence_libraries,
-};
+use super::services::{Service, preferred, services};
+use super::{DEFAULT, DeviceError, DeviceName, JACK, OUTPUT, OUTPUT_PREFIX, silence_libraries};
 
 /// Returns true if the setting `audio.input` has the value `name` and selects what an output device
 /// plays.
@@ -35,51 +33,69 @@ fn output_name(name: &str) -> Option<&str> {
 /// service has several.
 pub fn find_input(name: &str, before: Option<&DeviceName>) -> Result<Device, DeviceError> {
     silence_libraries();
+    find_among(&services(), name, before)
+}
+
+/// Returns the device of one of `services` that `name` selects; the other parameter and the errors
+/// are those of [`find_input`].
+///
+/// # Errors
+/// See [`find_input`].
+pub fn find_among(
+    services: &[Service],
+    name: &str,
+    before: Option<&DeviceName>,
+) -> Result<Device, DeviceError> {
     if name.eq_ignore_ascii_case(DEFAULT) {
         let none = |reason| DeviceError::NoDefault {
             direction: "input",
             reason,
         };
-        let host = default_host().map_err(|error| none(error.to_string()))?;
-        return host
+        return preferred(services)
+            .map_err(|error| none(error.to_string()))?
             .default_input_device()
             .ok_or_else(|| none("the system has none".into()));
     }
     if name.eq_ignore_ascii_case(JACK) {
-        return jack_host()
-            .and_then(|host| host.default_input_device())
+        let jack = services.iter().find(|service| service.is(JACK));
+        return jack
+            .and_then(|jack| jack.host().ok()?.default_input_device())
             .ok_or(DeviceError::NoJack);
     }
     if name.eq_ignore_ascii_case(OUTPUT) {
-        return hosts()
+        return services
             .iter()
-            .find_map(|(id, host)| default_loopback(*id, host.as_ref().ok()?))
+            .find_map(default_loopback)
             .ok_or(DeviceError::NoLoopback);
     }
-    find_by_name(name, before)
+    find_by_name(services, name, before)
 }
 
 /// Returns the device whose name or id is or contains `name`; the parameters and errors are those
-/// of [`find_input`].
-fn find_by_name(name: &str, before: Option<&DeviceName>) -> Result<Device, DeviceError> {
+/// of [`find_among`].
+fn find_by_name(
+    services: &[Service],
+    name: &str,
+    before: Option<&DeviceName>,
+) -> Result<Device, DeviceError> {
     let (wanted, is_loopback) = match output_name(name) {
         Some(output) => (output, true),
         None => (name, false),
     };
-    let mut services: Vec<Vec<Candidate>> = hosts()
+    let mut found: Vec<Vec<Candidate>> = services
         .iter()
-        .filter_map(|(id, host)| candidates(*id, host.as_ref().ok()?).ok())
+        .filter_map(|service| candidates(service).ok())
         .map(|mut found| {
             found.retain(|candidate| candidate.is_loopback == is_loopback);
             found
         })
         .collect();
-    let names: Vec<Vec<DeviceName>> = services
+    let names: Vec<Vec<DeviceName>> = found
         .iter()
         .map(|found| found.iter().map(|one| one.name.clone()).collect())
         .collect();
     let (service, device) = choose(name, wanted, before, &names)?;
-    Ok(services[service].swap_remove(device).device)
+    Ok(found[service].swap_remove(device).device)
 }
 
 /// Searches the names of the devices of each audio service, the preferred service first, and returns
@@ -151,8 +167,8 @@ pub(super) fn find_again(before: &DeviceName, all: &[DeviceName]) -> Result<usiz
 }
 
 /// Searches `all` for the device that `wanted` names and returns its index; upper and lower case
-/// are the same. A name or id equal to `wanted` is preferred to one that contains `wanted`. Several
-/// devices with the same name are treated as one device.
+/// are the same. A name or id equal to `wanted` is preferred to one that contains `wanted`. ALSA's
+/// several ids of one device are treated as one device.
 ///
 /// # Errors
 /// [`DeviceError::NoSuch`] or [`DeviceError::Ambiguous`].
@@ -190,13 +206,23 @@ pub(super) fn resolve(wanted: &str, all: &[DeviceName]) -> Result<usize, DeviceE
             available: descriptions(all, &(0..all.len()).collect::<Vec<_>>()),
         });
     };
-    if matches.iter().any(|&i| all[i].name != all[best].name) {
+    let is_other =
+        |i: usize| all[i].name != all[best].name || hardware(&all[i]) != hardware(&all[best]);
+    if matches.iter().any(|&i| is_other(i)) {
         return Err(DeviceError::Ambiguous {
             name: wanted.into(),
             matches: descriptions(all, &matches),
         });
     }
     Ok(best)
+}
+
+/// Returns the part of the id of `device` that differs between two devices of the same name: the
+/// sound card in an id of ALSA, such as `CARD=USB`, otherwise the whole id.
+fn hardware(device: &DeviceName) -> &str {
+    let parts = device.id.split([':', ',']);
+    let mut cards = parts.filter(|part| part.starts_with("CARD="));
+    cards.next().unwrap_or(&device.id)
 }
 
 /// Returns the names and ids of the devices in `all` with the indices `which`, as text for the

@@ -15,24 +15,24 @@ const BLOCK_FRAMES: u32 = 256;
 /// Least sample rate, in Hz, that is preferred. Headsets offer a lower rate for calls, which lacks
 /// the treble.
 const RATE_HZ_MIN: u32 = 44_100;
+/// Largest number of formats of one device that are tried.
+const FORMATS_MAX: usize = 6;
 
-/// Returns a stream format (sample rate, channels, sample format) of `device` that contains the
-/// channel number `channel_max`, counted from 1. For 0, any number of channels is enough. Takes the
-/// default format of the device if possible, and a rate below 44.1 kHz only if there is no other. A
-/// device without inputs delivers what it plays, in its output format.
+/// Returns the stream formats (sample rate, channels, sample format) of `device` that contain the
+/// channel number `channel_max`, counted from 1, the preferred one first; at least one, at most
+/// [`FORMATS_MAX`]. For 0, any number of channels is enough. Prefers the default format of the
+/// device, and a rate below 44.1 kHz only if there is no other. A device without inputs delivers
+/// what it plays, in its output format.
 ///
 /// # Errors
-/// [`DeviceError::TooFewChannels`] if no format has this channel, [`DeviceError::Refused`] if the
-/// device cannot be used.
-pub fn input_config(
+/// [`DeviceError::TooFewChannels`] or [`DeviceError::NoChannels`] if no format has this channel,
+/// [`DeviceError::Refused`] if the device cannot be used.
+pub fn input_configs(
     device: &Device,
     channel_max: u16,
-) -> Result<SupportedStreamConfig, DeviceError> {
+) -> Result<Vec<SupportedStreamConfig>, DeviceError> {
     let name = DeviceName::of(device).name;
-    let refused = |error: cpal::Error| DeviceError::Refused {
-        device: name.clone(),
-        reason: error.to_string(),
-    };
+    let refused = |error: cpal::Error| DeviceError::refused(&name, &error);
     let (preferred, all): (_, Result<Vec<_>, _>) = if device.supports_input() {
         let all = device.supported_input_configs().map(Iterator::collect);
         (device.default_input_config(), all)
@@ -41,15 +41,43 @@ pub fn input_config(
         (device.default_output_config(), all)
     };
     let (preferred, all) = (preferred.map_err(refused)?, all.map_err(refused)?);
-    choose(preferred, all, channel_max).map_err(|most| DeviceError::TooFewChannels {
-        device: name,
-        wanted: channel_max,
-        most,
-    })
+    let first = choose(preferred, all.clone(), channel_max).map_err(|most| match most {
+        0 => DeviceError::NoChannels {
+            device: name.clone(),
+        },
+        most => DeviceError::TooFewChannels {
+            device: name.clone(),
+            wanted: channel_max,
+            most,
+        },
+    })?;
+    let mut configs = vec![first];
+    for other in others(preferred, all, channel_max) {
+        if configs.len() < FORMATS_MAX && !configs.contains(&other) {
+            configs.push(other);
+        }
+    }
+    Ok(configs)
 }
 
-/// Chooses between the default format `preferred` and the formats in `all`, as [`input_config`]
-/// describes.
+/// Returns the formats to try after the chosen one, because some devices list formats that they then
+/// refuse: the default format `preferred`, then those in `all`, the best one first.
+fn others(
+    preferred: SupportedStreamConfig,
+    mut all: Vec<SupportedStreamConfigRange>,
+    channel_max: u16,
+) -> impl Iterator<Item = SupportedStreamConfig> {
+    let rate_hz = preferred.sample_rate();
+    all.sort_by(|a, b| b.cmp_default_heuristics(a));
+    std::iter::once(preferred)
+        .chain(all.into_iter().map(move |range| with_rate(range, rate_hz)))
+        .filter(move |config| {
+            config.channels() >= channel_max.max(1) && can_use(config.sample_format())
+        })
+}
+
+/// Chooses between the default format `preferred` and the formats in `all`, as [`input_configs`]
+/// describes for the first one.
 ///
 /// # Errors
 /// The largest number of channels, if no format has the channel `channel_max`.
@@ -58,6 +86,7 @@ fn choose(
     mut all: Vec<SupportedStreamConfigRange>,
     channel_max: u16,
 ) -> Result<SupportedStreamConfig, u16> {
+    let channel_max = channel_max.max(1);
     let fits = preferred.channels() >= channel_max && can_use(preferred.sample_format());
     if fits && preferred.sample_rate() >= RATE_HZ_MIN {
         return Ok(preferred);

@@ -2,11 +2,12 @@
 
 use std::fmt;
 
-use cpal::SupportedStreamConfigRange;
 use cpal::traits::DeviceTrait;
+use cpal::{HostId, SupportedStreamConfigRange};
 
 use super::candidates::{Candidate, candidates};
-use super::{DeviceName, OUTPUT_PREFIX, hosts, is_jack, silence_libraries};
+use super::services::{Service, services};
+use super::{DeviceName, JACK, OUTPUT_PREFIX, silence_libraries};
 
 /// A device of an audio service whose sound a show can use.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,22 +75,29 @@ impl fmt::Display for DeviceList {
 /// the list is empty.
 pub fn devices() -> DeviceList {
     silence_libraries();
-    let hosts = hosts().into_iter().map(|(id, host)| {
-        let (inputs, problem) = match host.and_then(|host| candidates(id, &host)) {
-            Ok(found) if found.is_empty() && is_jack(id) => {
-                (found, Some("no server answers".into()))
-            }
-            Ok(found) => (found, None),
-            Err(error) => (Vec::new(), Some(error.to_string())),
-        };
-        HostDevices {
-            host: id.name().into(),
-            inputs: inputs.iter().map(describe).collect(),
-            problem,
-        }
-    });
     DeviceList {
-        hosts: hosts.collect(),
+        hosts: services().iter().map(list).collect(),
+    }
+}
+
+/// Returns the devices of the audio service `id` whose sound a show can use.
+pub fn devices_of(id: HostId) -> HostDevices {
+    silence_libraries();
+    list(&Service::open(id))
+}
+
+fn list(service: &Service) -> HostDevices {
+    let (inputs, problem) = match candidates(service) {
+        Ok(found) if found.is_empty() && service.is(JACK) => {
+            (found, Some("no server answers".into()))
+        }
+        Ok(found) => (found, None),
+        Err(error) => (Vec::new(), Some(error.to_string())),
+    };
+    HostDevices {
+        host: service.name.into(),
+        inputs: inputs.iter().map(describe).collect(),
+        problem,
     }
 }
 

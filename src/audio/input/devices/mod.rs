@@ -9,17 +9,20 @@ mod candidates;
 mod find;
 mod format;
 mod list;
+mod remedies;
+mod services;
 
 use std::fmt;
 use std::io;
 
+use cpal::Device;
 use cpal::traits::DeviceTrait;
-use cpal::{Device, Host, HostId};
 use thiserror::Error;
 
-pub use self::find::{find_input, is_loopback, missing};
-pub use self::format::{block_sizes, input_config};
-pub use self::list::{DeviceList, HostDevices, InputDevice, devices};
+pub use self::find::{find_among, find_input, is_loopback, missing};
+pub use self::format::{block_sizes, input_configs};
+pub use self::list::{DeviceList, HostDevices, InputDevice, devices, devices_of};
+pub use self::services::{Service, default_output, jack_host, service_ids, services};
 
 /// Value of the setting `audio.input` that selects the system's default device.
 pub const DEFAULT: &str = "default";
@@ -92,15 +95,21 @@ pub enum DeviceError {
         /// Number of channels that the device has.
         most: u16,
     },
+    /// A device offers no channel at all.
+    #[error("cannot open {device}: it has no channels; choose another device")]
+    NoChannels {
+        /// Name of the device.
+        device: String,
+    },
     /// The operating system or the device itself refuses to open an available device.
-    #[error(
-        "cannot open {device}: {reason}; close other programs that use it, or choose another device"
-    )]
+    #[error("cannot open {device}: {reason}; {remedy}")]
     Refused {
         /// Name of the device.
         device: String,
         /// Message of the operating system.
         reason: String,
+        /// What the user can do.
+        remedy: &'static str,
     },
     /// The operating system cannot start the thread that monitors the input device.
     #[error("cannot start the thread that monitors the audio input: {source}")]
@@ -120,8 +129,19 @@ impl DeviceError {
                 | Self::NoJack
                 | Self::NoLoopback
                 | Self::NoDefault { .. }
+                | Self::NoChannels { .. }
                 | Self::Refused { .. }
         )
+    }
+
+    /// Returns the error that `device` cannot be opened because of `error`.
+    pub(crate) fn refused(device: impl Into<String>, error: &cpal::Error) -> Self {
+        let reason = error.to_string();
+        Self::Refused {
+            device: device.into(),
+            remedy: remedies::remedy(error.kind(), &reason),
+            reason,
+        }
     }
 }
 
@@ -139,55 +159,6 @@ pub fn silence_libraries() {
     #[cfg(target_os = "linux")]
     // If this call fails, ALSA only prints more messages. JACK's messages go to the log anyway.
     let _ = alsa::Output::local_error_handler();
-}
-
-/// Returns true if the audio service `id` has the name `name`. The variants of [`HostId`] differ
-/// from system to system; their names do not.
-fn is_host(id: HostId, name: &str) -> bool {
-    id.name().eq_ignore_ascii_case(name)
-}
-
-fn is_jack(id: HostId) -> bool {
-    is_host(id, JACK)
-}
-
-/// Returns the audio services of this system, the preferred one first, each with its reason if it
-/// does not answer. Leaves out PulseAudio where PipeWire answers, because both then list the same
-/// devices.
-fn hosts() -> Vec<(HostId, Result<Host, cpal::Error>)> {
-    let mut hosts: Vec<_> = cpal::ALL_HOSTS
-        .iter()
-        .map(|&id| (id, cpal::host_from_id(id)))
-        .collect();
-    if hosts
-        .iter()
-        .any(|(id, host)| is_host(*id, "PipeWire") && host.is_ok())
-    {
-        hosts.retain(|(id, _)| !is_host(*id, "PulseAudio"));
-    }
-    hosts
-}
-
-/// Returns the preferred audio service of the system: PipeWire, PulseAudio, ALSA, CoreAudio or
-/// WASAPI, never JACK.
-///
-/// # Errors
-/// No service is available.
-pub fn default_host() -> Result<Host, cpal::Error> {
-    let mut result = Err(cpal::Error::new(cpal::ErrorKind::HostUnavailable));
-    for (_, host) in hosts().into_iter().filter(|(id, _)| !is_jack(*id)) {
-        result = host;
-        if result.is_ok() {
-            break;
-        }
-    }
-    result
-}
-
-/// Returns the audio service JACK; `None` if this build or system has no JACK.
-pub fn jack_host() -> Option<Host> {
-    let id = cpal::ALL_HOSTS.iter().copied().find(|&id| is_jack(id))?;
-    cpal::host_from_id(id).ok()
 }
 
 /// The name and the id of an audio device.

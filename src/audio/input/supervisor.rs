@@ -1,0 +1,262 @@
+//! Opens the input device, monitors it and opens it again after a loss. In: the device that the show
+//! file names. Out: for the show thread, the reader of the samples of each opened device; warnings.
+//! Thread: "audio-watch".
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
+use std::time::{Duration, Instant};
+
+use cpal::traits::{DeviceTrait, StreamTrait};
+use cpal::{Device, ErrorKind, Stream, StreamConfig, SupportedStreamConfig};
+use ringbuf::HeapRb;
+use ringbuf::traits::Split;
+use tracing::{info, warn};
+
+use super::devices::{self, DeviceError, DeviceName};
+use super::monitor::{Action, DeviceMonitor};
+use super::{Exchange, FindServices, FirstResult, Settings, Source, WARNING_TOPIC};
+use crate::audio::callback::{Capture, DeviceActivity, ErrorHandler};
+use crate::audio::channels::Channels;
+use crate::rt::warnings::Warnings;
+use corybant_core::fault::{Fault, Faults};
+
+/// Capacity, in seconds of sound, of the ring buffer that carries samples from the device's
+/// callback to the show.
+const RING_S: u32 = 2;
+/// Interval at which the supervisor thread checks whether the input device still delivers sound.
+const CHECK_INTERVAL: Duration = Duration::from_millis(50);
+/// Longest time for which the program waits until the operating system has opened an input device.
+const OPEN_TIMEOUT: Duration = Duration::from_secs(3);
+
+/// An open input device; dropping the value closes the device.
+struct OpenDevice {
+    /// The device's stream, held because dropping it closes the device.
+    _stream: Stream,
+    activity: Arc<DeviceActivity>,
+    description: String,
+}
+
+/// The state of the supervisor thread "audio-watch", which opens and monitors the input device.
+pub(super) struct Supervisor {
+    /// Returns the audio services in which the device is searched.
+    pub(super) find_services: FindServices,
+    pub(super) settings: Settings,
+    pub(super) channels: Channels,
+    pub(super) faults: Arc<Faults>,
+    pub(super) warnings: Warnings,
+    pub(super) exchange: Arc<Exchange>,
+    /// Ends the thread when its sender is dropped.
+    pub(super) stopped: Receiver<()>,
+    /// Name and id of the device that was opened last; `None` before a device was opened.
+    pub(super) last_device: Option<DeviceName>,
+}
+
+impl Supervisor {
+    /// Does the work of the thread. Sends the result of the first attempt to open the device to
+    /// `sender`.
+    pub(super) fn run(mut self, sender: &Sender<FirstResult>) {
+        let Ok(mut device) = self.open_first(sender) else {
+            return;
+        };
+        let start = Instant::now();
+        let may_pause = devices::is_loopback(&self.settings.input);
+        let mut monitor = DeviceMonitor::new(start.elapsed(), device.is_some(), may_pause);
+        while self.stopped.recv_timeout(CHECK_INTERVAL) == Err(RecvTimeoutError::Timeout) {
+            while self.exchange.old.pop().is_some() {}
+            let (blocks, is_lost) = device.as_ref().map_or((0, false), |device| {
+                (device.activity.blocks(), device.activity.is_lost())
+            });
+            self.exchange.is_live.store(
+                device.is_some() && (blocks > 0 || may_pause),
+                Ordering::Relaxed,
+            );
+            match monitor.update(start.elapsed(), blocks, is_lost) {
+                Action::Wait => {}
+                Action::Close => self.close(device.take()),
+                Action::Open => {
+                    device = self
+                        .connect()
+                        .inspect_err(|error| self.warn_missing(error))
+                        .ok();
+                    match &device {
+                        Some(device) => {
+                            self.report_open(device);
+                            monitor.set_open(start.elapsed());
+                        }
+                        None => monitor.set_failed(start.elapsed()),
+                    }
+                }
+            }
+        }
+    }
+
+    /// Attempts to open the device for the first time and sends the result to `sender`. Returns
+    /// `None` if no device is available yet, and `Err` if the show cannot start.
+    fn open_first(&mut self, sender: &Sender<FirstResult>) -> Result<Option<OpenDevice>, ()> {
+        let device = match self.connect() {
+            Ok(device) => Some(device),
+            Err(error) if error.is_temporary() => {
+                self.warn_missing(&error);
+                None
+            }
+            Err(error) => match sender.send(Err(error)) {
+                Ok(()) => return Err(()),
+                // The main thread no longer waits for the result: the show has started, or has
+                // ended.
+                Err(unsent) => {
+                    let _ = unsent.0.inspect_err(|error| self.warn_missing(error));
+                    None
+                }
+            },
+        };
+        let description = device.as_ref().map(|device| device.description.clone());
+        if sender.send(Ok(description)).is_err()
+            && let Some(device) = &device
+        {
+            self.report_open(device);
+        }
+        Ok(device)
+    }
+
+    fn report_open(&self, device: &OpenDevice) {
+        info!("audio input: {}", device.description);
+        self.warnings.clear(WARNING_TOPIC);
+    }
+
+    /// Sets the warning that no input device can be opened now, with the reason `error`.
+    fn warn_missing(&self, error: &DeviceError) {
+        self.warnings.set(
+            WARNING_TOPIC,
+            &format!(
+                "{error}. The show goes on without sound, and opens the input when it is available"
+            ),
+        );
+    }
+
+    /// Closes the input device `device` after its loss, counts [`Fault::AudioLost`] and sets a
+    /// warning.
+    fn close(&self, device: Option<OpenDevice>) {
+        self.exchange.is_live.store(false, Ordering::Relaxed);
+        self.channels.set_count(0);
+        self.faults.count(Fault::AudioLost);
+        let name = device
+            .as_ref()
+            .map_or("", |device| device.description.as_str());
+        let text = format!(
+            "the audio input is lost ({name}); the show goes on at the last tempo and tries to open the input again"
+        );
+        self.warnings.set(WARNING_TOPIC, &text);
+        // Dropping the device may take long if the audio system hangs.
+        drop(device);
+    }
+
+    /// Opens and starts the input device, and sends the reader of its samples to the show thread.
+    /// Some devices refuse a format that they list, so this tries several.
+    fn connect(&mut self) -> Result<OpenDevice, DeviceError> {
+        devices::silence_libraries();
+        let (input, before) = (&self.settings.input, self.last_device.as_ref());
+        let device = devices::find_among(&(self.find_services)(), input, before)?;
+        let channel_max = self.channels.chosen().last().copied().unwrap_or(0);
+        let name = DeviceName::of(&device);
+        let mut first_error = None;
+        for config in devices::input_configs(&device, channel_max)? {
+            for buffer_size in devices::block_sizes(&config) {
+                let stream_config = StreamConfig {
+                    buffer_size,
+                    ..config.config()
+                };
+                match self.start(&device, &config, stream_config) {
+                    Ok(open) => {
+                        self.set_last_device(name);
+                        return Ok(open);
+                    }
+                    Err(error) if !is_about_format(error.kind()) => {
+                        return Err(DeviceError::refused(name.name, &error));
+                    }
+                    Err(error) => first_error = first_error.or(Some(error)),
+                }
+            }
+        }
+        let error = first_error.unwrap_or(cpal::Error::new(ErrorKind::UnsupportedConfig));
+        Err(DeviceError::refused(name.name, &error))
+    }
+
+    /// Stores the name and id of the open device; logs a warning if they differ from those of the
+    /// device that was opened before.
+    fn set_last_device(&mut self, device: DeviceName) {
+        if let Some(last) = self.last_device.as_ref().filter(|last| **last != device) {
+            warn!("the audio input is now {device}; it was {last}");
+        }
+        self.last_device = Some(device);
+    }
+
+    fn start(
+        &self,
+        device: &Device,
+        config: &SupportedStreamConfig,
+        stream_config: StreamConfig,
+    ) -> Result<OpenDevice, cpal::Error> {
+        let (rate_hz, channel_count, format) = (
+            config.sample_rate(),
+            config.channels(),
+            config.sample_format(),
+        );
+        let frames = usize::try_from(rate_hz.saturating_mul(RING_S)).unwrap_or(1);
+        let (producer, consumer) =
+            HeapRb::try_new(frames.max(1) * usize::from(channel_count.max(1)))
+                .map_err(|error| unusable(&error))?
+                .split();
+        let source = Source::new(consumer, rate_hz, channel_count, self.channels.clone())
+            .map_err(|error| unusable(&error))?;
+        let activity = Arc::new(DeviceActivity::default());
+        let mut capture = Capture::new(
+            producer,
+            channel_count,
+            activity.clone(),
+            self.faults.clone(),
+        );
+        let errors = ErrorHandler {
+            activity: activity.clone(),
+            faults: self.faults.clone(),
+        };
+        let stream = device.build_input_stream_raw(
+            stream_config,
+            format,
+            move |data, _| capture.process_data(data),
+            move |error| errors.process(error.kind()),
+            Some(OPEN_TIMEOUT),
+        )?;
+        stream.play()?;
+        self.channels.set_count(channel_count);
+        // Replaces a source that the show thread has not read yet.
+        self.exchange.new.force_push(source);
+        let name = DeviceName::of(device);
+        Ok(OpenDevice {
+            _stream: stream,
+            activity,
+            description: format!(
+                "{}{name}, {rate_hz} Hz, {channel_count} channels, {format}",
+                if devices::is_loopback(&self.settings.input) {
+                    "what this output plays: "
+                } else {
+                    ""
+                }
+            ),
+        })
+    }
+}
+
+/// Returns the error that a format cannot be used, because of `reason`.
+fn unusable(reason: &impl ToString) -> cpal::Error {
+    cpal::Error::with_message(ErrorKind::UnsupportedConfig, reason.to_string())
+}
+
+/// Returns true if another format may open a device that fails with an error of the kind `kind`.
+fn is_about_format(kind: ErrorKind) -> bool {
+    use ErrorKind::{DeviceBusy, DeviceNotAvailable, HostUnavailable, PermissionDenied};
+    !matches!(
+        kind,
+        DeviceBusy | DeviceNotAvailable | HostUnavailable | PermissionDenied
+    )
+}
