@@ -60,8 +60,10 @@
 //! - A graph in a show has no dead end.
 //!
 //! # Unsafe code
-//! In this crate: only in `rt::system::windows`, which calls the Windows API. `corybant_core`: only
-//! in `beat::aubio`, which asserts that aubio's tempo object may move to another thread.
+//! In this crate: only in `rt::system::windows`, which calls the Windows API, and in
+//! `rt::system::streams`, which sets an environment variable before there are other threads.
+//! `corybant_core`: only in `beat::aubio`, which asserts that aubio's tempo object may move to
+//! another thread.
 
 pub mod audio;
 pub mod cli;
