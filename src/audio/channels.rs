@@ -1,12 +1,14 @@
 //! The channels of an audio input: which of them are mixed to mono (this can change during the
-//! show), and the peak level of each. In: chosen channels, blocks of samples. Out: chosen channels,
-//! levels. Thread: any; the show thread reads the chosen channels and writes peaks. Real-time:
-//! never waits. Allocates: `chosen` and `take_levels`.
+//! show), the peak level of each, and whether it clipped. In: chosen channels, blocks of samples.
+//! Out: chosen channels, levels, number of samples. Thread: any; the show thread reads the chosen
+//! channels and measures. Real-time: never waits. Allocates: `chosen` and `take_levels`.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 
 use serde::Serialize;
+
+use corybant_core::dsp::sound_check::{CLIPPED_RUN, FULL_SCALE};
 
 /// Highest channel number that can be chosen for the input; channels are counted from 1.
 pub const CHANNELS_MAX: u16 = 256;
@@ -19,6 +21,10 @@ pub struct Channels(Arc<Inner>);
 struct Inner {
     /// Number of channels of the open input device; 0 if no device is open.
     count: AtomicU32,
+    /// Sample rate that the open input device reports, in Hz.
+    rate_hz: AtomicU32,
+    /// Number of samples per channel that were measured so far.
+    frames: AtomicU64,
     /// Number of times that the choice of the channels to mix has changed so far.
     version: AtomicU32,
     chosen: [AtomicBool; CHANNELS_MAX as usize],
@@ -26,6 +32,10 @@ struct Inner {
     /// `f32`. For floats >= 0, a larger value has larger bits, so peaks can be compared as
     /// integers.
     peaks: [AtomicU32; CHANNELS_MAX as usize],
+    /// Number of consecutive samples at full scale of each channel, up to its last sample.
+    runs: [AtomicU32; CHANNELS_MAX as usize],
+    /// True for each channel that clipped.
+    clipped: [AtomicBool; CHANNELS_MAX as usize],
 }
 
 /// The level of one channel of an audio input.
@@ -34,6 +44,8 @@ pub struct ChannelLevel {
     /// Largest absolute sample of the channel since the last call of [`Channels::take_levels`];
     /// full scale is 1.
     pub peak: f32,
+    /// True if the channel clipped since the last call of [`Channels::take_levels`].
+    pub clipped: bool,
     /// True if the channel is one of those that are mixed into the mono sound.
     pub chosen: bool,
 }
@@ -44,9 +56,13 @@ impl Channels {
     pub fn new(chosen: &[u16]) -> Self {
         let inner = Inner {
             count: AtomicU32::new(0),
+            rate_hz: AtomicU32::new(0),
+            frames: AtomicU64::new(0),
             version: AtomicU32::new(0),
             chosen: [const { AtomicBool::new(false) }; CHANNELS_MAX as usize],
             peaks: [const { AtomicU32::new(0) }; CHANNELS_MAX as usize],
+            runs: [const { AtomicU32::new(0) }; CHANNELS_MAX as usize],
+            clipped: [const { AtomicBool::new(false) }; CHANNELS_MAX as usize],
         };
         let channels = Self(Arc::new(inner));
         channels.choose(chosen);
@@ -85,35 +101,58 @@ impl Channels {
         self.0.version.load(Ordering::Acquire)
     }
 
-    /// Sets the number of channels of the open input device; 0 if no device is open.
-    pub fn set_count(&self, count: u16) {
+    /// Sets the number of channels and the sample rate, in Hz, of the open input device; both are 0
+    /// if no device is open.
+    pub fn set_format(&self, count: u16, rate_hz: u32) {
         self.0.count.store(count.into(), Ordering::Relaxed);
+        self.0.rate_hz.store(rate_hz, Ordering::Relaxed);
     }
 
-    /// Updates the peak level of each channel with a block of interleaved samples of `channels`
-    /// channels.
+    /// Returns the sample rate that the open input device reports, in Hz; 0 if no device is open.
+    pub fn rate_hz(&self) -> u32 {
+        self.0.rate_hz.load(Ordering::Relaxed)
+    }
+
+    /// Returns the number of samples per channel that were measured so far.
+    pub fn frames(&self) -> u64 {
+        self.0.frames.load(Ordering::Relaxed)
+    }
+
+    /// Measures a block of interleaved samples of `channels` channels: the peak level of each
+    /// channel, clipping, and the number of samples.
     pub fn measure(&self, interleaved: &[f32], channels: usize) {
+        let frames = interleaved.len() / channels.max(1);
+        self.0.frames.fetch_add(frames as u64, Ordering::Relaxed);
         for (c, peak) in self.0.peaks.iter().enumerate().take(channels) {
-            let largest = interleaved
-                .iter()
-                .skip(c)
-                .step_by(channels)
-                .fold(0.0f32, |largest, x| largest.max(x.abs()));
+            let (mut largest, mut is_clipped) = (0.0f32, false);
+            let mut run = self.0.runs[c].load(Ordering::Relaxed);
+            for x in interleaved.iter().skip(c).step_by(channels) {
+                largest = largest.max(x.abs());
+                run = if x.abs() >= FULL_SCALE {
+                    run.saturating_add(1)
+                } else {
+                    0
+                };
+                is_clipped |= run >= CLIPPED_RUN;
+            }
             peak.fetch_max(largest.to_bits(), Ordering::Relaxed);
+            self.0.runs[c].store(run, Ordering::Relaxed);
+            if is_clipped {
+                self.0.clipped[c].store(true, Ordering::Relaxed);
+            }
         }
     }
 
-    /// Returns the peak level of each channel of the open device, and resets the peaks to 0.
+    /// Returns the level of each channel of the open device, and resets peaks and clipping.
     pub fn take_levels(&self) -> Vec<ChannelLevel> {
         let count = self.0.count.load(Ordering::Relaxed) as usize;
         let all = self.chosen().is_empty();
-        let channels = self.0.peaks.iter().zip(&self.0.chosen).take(count);
-        channels
-            .map(|(peak, chosen)| ChannelLevel {
-                peak: f32::from_bits(peak.swap(0, Ordering::Relaxed)),
-                chosen: all || chosen.load(Ordering::Relaxed),
-            })
-            .collect()
+        let level = |c: usize| ChannelLevel {
+            peak: f32::from_bits(self.0.peaks[c].swap(0, Ordering::Relaxed)),
+            clipped: self.0.clipped[c].swap(false, Ordering::Relaxed),
+            chosen: all || self.0.chosen[c].load(Ordering::Relaxed),
+        };
+        (0..count.min(CHANNELS_MAX.into())).map(level).collect()
     }
 }
 
@@ -125,7 +164,7 @@ mod tests {
     fn each_channel_has_a_peak_and_is_mixed_if_chosen() {
         let channels = Channels::new(&[2]);
         assert_eq!(channels.take_levels(), []);
-        channels.set_count(2);
+        channels.set_format(2, 48_000);
         channels.measure(&[0.5, -0.25, 0.1, 0.75], 2);
         channels.measure(&[f32::NAN, 0.0], 2);
         assert_eq!(
@@ -133,10 +172,12 @@ mod tests {
             [
                 ChannelLevel {
                     peak: 0.5,
+                    clipped: false,
                     chosen: false
                 },
                 ChannelLevel {
                     peak: 0.75,
+                    clipped: false,
                     chosen: true
                 }
             ]
@@ -148,10 +189,32 @@ mod tests {
             channels.take_levels(),
             [ChannelLevel {
                 peak: 0.0,
+                clipped: false,
                 chosen: true
             }; 2]
         );
         channels.choose(&[256, 1, 300]);
         assert_eq!(channels.chosen(), [1, 256]);
+    }
+
+    #[test]
+    fn three_samples_in_a_row_at_full_scale_are_clipped() {
+        let channels = Channels::new(&[]);
+        channels.set_format(2, 48_000);
+        let clipped = || {
+            channels
+                .take_levels()
+                .iter()
+                .map(|level| level.clipped)
+                .collect::<Vec<_>>()
+        };
+        channels.measure(&[1.0, 1.0, -1.0, 0.5, 0.0, 1.0], 2);
+        assert_eq!(clipped(), [false, false]);
+        // The run of channel 2 goes on from the last block.
+        channels.measure(&[0.0, 1.0, 0.0, -1.0], 2);
+        assert_eq!(clipped(), [false, true]);
+        channels.measure(&[0.0, 0.5], 2);
+        assert_eq!(clipped(), [false, false]);
+        assert_eq!((channels.frames(), channels.rate_hz()), (6, 48_000));
     }
 }

@@ -30,6 +30,8 @@ use tracing::info;
 
 use crate::audio::feed::{FileFeed, PlayedFeed};
 use crate::audio::input::AudioIn;
+use crate::audio::input::devices::is_loopback;
+use crate::audio::input::diagnosis::InputDiagnosis;
 use crate::clock::out::ClockOutError;
 use crate::config::Config;
 use crate::midi::MidiError;
@@ -240,6 +242,7 @@ fn start<'a>(
         &CountedOutputs::new(&outputs, &config.output),
         context.cues.last_messages().clone(),
         context.calibration.clone(),
+        InputDiagnosis::new(is_loopback(&config.audio.input)),
     );
     let monitor = Monitor::new(cast, collector, &context.faults);
     let reload_context = ReloadContext {
@@ -266,6 +269,7 @@ fn start<'a>(
         changes,
         faults: context.faults,
         lateness: monitor.lateness.clone(),
+        mix: monitor.mix.clone(),
         ticks: monitor.ticks.clone(),
         leds: Some(leds),
     };

@@ -9,6 +9,7 @@ use crossbeam::queue::ArrayQueue;
 use tracing::{info, warn};
 
 use crate::rt::latest::Latest;
+use corybant_core::dsp::sound_check::SoundCheck;
 use corybant_core::fault::{Fault, Faults};
 use corybant_core::show::{Cast, Event};
 use corybant_core::time::Seconds;
@@ -31,6 +32,8 @@ pub(super) struct Monitor<'a> {
     /// Reports of the lateness of poses, from the show thread. Index 0 has the last second, for the
     /// page; index 1 has the last 10 seconds, for the log.
     pub(super) lateness: [Latest<Lateness>; 2],
+    /// Sound check of the mixed input, from the show thread once a second.
+    pub(super) mix: Latest<SoundCheck>,
     /// Number of ticks (steps of the show thread) so far; the show thread counts them.
     pub(super) ticks: Arc<AtomicU64>,
     /// The outputs after the last edit of the show file. The thread that applies the edit publishes
@@ -49,6 +52,7 @@ impl<'a> Monitor<'a> {
             names: cast.names().map(String::from).collect(),
             events: Arc::new(ArrayQueue::new(EVENTS_MAX)),
             lateness: Default::default(),
+            mix: Latest::default(),
             ticks: Arc::default(),
             new_outputs: Latest::default(),
             vitals,
@@ -73,6 +77,9 @@ impl<'a> Monitor<'a> {
         }
         if let Some(second) = self.lateness[0].take() {
             self.vitals.set_lateness(&second);
+        }
+        if let Some(mix) = self.mix.take() {
+            self.vitals.set_mix(mix);
         }
         if let Some(window) = self.lateness[1].take() {
             info!("{window}");

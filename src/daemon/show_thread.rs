@@ -23,6 +23,7 @@ use crate::rt::system::priority;
 use corybant_core::cue::list::CueList;
 use corybant_core::cue::recorder::TakenAt;
 use corybant_core::cue::{Cue, DanceCommand};
+use corybant_core::dsp::sound_check::SoundCheck;
 use corybant_core::fault::{Fault, Faults};
 use corybant_core::motion::Pose;
 use corybant_core::show::{Event, SAMPLES_PER_TICK_MAX, Show, TICK_HZ};
@@ -216,6 +217,8 @@ pub(super) struct ShowThread {
     /// Latest lateness of poses for the main thread, one value for each window length in
     /// [`WINDOWS`].
     pub(super) lateness: [Latest<Lateness>; 2],
+    /// Latest sound check of the mixed input for the main thread, once a second.
+    pub(super) mix: Latest<SoundCheck>,
     /// Number of ticks (steps of the show thread) so far; the main thread reads it.
     pub(super) ticks: Arc<AtomicU64>,
     /// Sender of the states that the LEDs of MIDI controllers show; `None` in a benchmark.
@@ -273,6 +276,7 @@ impl ShowThread {
             for window in &mut measurements.windows {
                 if let Some(lateness) = window.update(now) {
                     self.watchers.late_ms = lateness.p99 as f32 / 1000.0;
+                    self.mix.publish(self.show.status(0).sound);
                 }
             }
         }

@@ -4,6 +4,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use crate::audio::input::diagnosis::InputDiagnosis;
 use crate::osc::output::{self, Output, OutputCounter};
 use crate::rt::last_messages::LastMessages;
 use crate::web::Vitals;
@@ -11,6 +12,7 @@ use crate::web::calibration::LiveCalibration;
 use crate::web::vitals::OutputVitals;
 
 use super::lateness::Lateness;
+use corybant_core::dsp::sound_check::SoundCheck;
 
 /// Interval between two collections of the vitals.
 const INTERVAL: Duration = Duration::from_secs(1);
@@ -43,23 +45,32 @@ pub(super) struct VitalsCollector {
     counters: Vec<(Arc<OutputCounter>, u64)>,
     last_messages: Arc<LastMessages>,
     calibration: LiveCalibration,
+    diagnosis: InputDiagnosis,
+    /// Latest sound check of the mixed sound of the audio input.
+    mix: SoundCheck,
     vitals: Vitals,
+    /// Time of the last collection.
+    collected: Instant,
     next: Instant,
 }
 
 impl VitalsCollector {
     /// Creates a collector of vitals. It reads the counters of `outputs`, the texts of the last OSC
-    /// and MIDI messages, and the calibration.
+    /// and MIDI messages, and the calibration; `diagnosis` finds the problems of the audio input.
     pub(super) fn new(
         outputs: &CountedOutputs,
         last_messages: Arc<LastMessages>,
         calibration: LiveCalibration,
+        diagnosis: InputDiagnosis,
     ) -> Self {
         let mut collector = Self {
             counters: Vec::new(),
             last_messages,
             calibration,
+            diagnosis,
+            mix: SoundCheck::default(),
             vitals: Vitals::default(),
+            collected: Instant::now(),
             next: Instant::now(),
         };
         collector.set_outputs(outputs);
@@ -91,6 +102,11 @@ impl VitalsCollector {
         vitals.missed += lateness.missed;
     }
 
+    /// Stores `mix`, the sound check of the mixed sound of the audio input.
+    pub(super) fn set_mix(&mut self, mix: SoundCheck) {
+        self.mix = mix;
+    }
+
     /// Collects and returns the vitals if a second has passed since the last collection; otherwise
     /// `None`.
     pub(super) fn collect(&mut self) -> Option<&Vitals> {
@@ -108,7 +124,10 @@ impl VitalsCollector {
             output.offset_ms = self.calibration.offset_ms(number);
         }
         self.vitals.input_latency_ms = self.calibration.input_latency_ms();
-        self.vitals.channels = self.calibration.channels();
+        let elapsed = now.duration_since(std::mem::replace(&mut self.collected, now));
+        let sound = self.calibration.take_sound();
+        self.vitals.input = self.diagnosis.update(elapsed, &sound, self.mix);
+        self.vitals.channels = sound.channels;
         let (osc, midi) = (
             self.last_messages.take_osc(),
             self.last_messages.take_midi(),

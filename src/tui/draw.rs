@@ -259,11 +259,11 @@ fn warnings(view: &ShowView, state: &State) -> Vec<Line<'static>> {
         .iter()
         .map(|text| Line::from(format!("! {text}").red()))
         .collect();
-    for (is_current, text) in view.input_warnings.values() {
+    for (is_current, problem) in view.input_problems.values() {
         lines.push(Line::from(if *is_current {
-            format!("! {text}").red()
+            format!("! {}", problem.text).red()
         } else {
-            format!("! {text} (enter: dismiss)").yellow()
+            format!("! {} (enter: dismiss)", problem.past).yellow()
         }));
     }
     if !state.faults.is_empty() {

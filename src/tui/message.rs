@@ -129,6 +129,8 @@ pub struct Vitals {
     pub missed: u64,
     /// State of each output, in the order of the show file.
     pub outputs: Vec<Output>,
+    /// Current problems of the sound of the audio input.
+    pub input: Vec<InputProblem>,
     /// Text of a recent OSC message; `None` if none has arrived since the start of the show.
     pub osc: Option<String>,
     /// Text of the last MIDI message; `None` if none has arrived since the start of the show.
@@ -151,9 +153,23 @@ pub struct Output {
     pub failed: u64,
 }
 
+/// A problem of the sound of the audio input; see
+/// [`InputProblem`](crate::audio::input::diagnosis::InputProblem).
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(default)]
+pub struct InputProblem {
+    /// Name of the problem; at most one problem of a name exists at a time.
+    pub kind: String,
+    /// The problem and what to do about it, while it exists.
+    pub text: String,
+    /// The problem after it has ended.
+    pub past: String,
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::audio::input::diagnosis;
     use crate::web;
     use corybant_core::fault::Faults;
 
@@ -196,6 +212,11 @@ mod tests {
         let Message::Vitals(vitals) = read(
             &web::Vitals {
                 outputs,
+                input: vec![diagnosis::InputProblem {
+                    kind: "hum",
+                    text: "the input has a hum".into(),
+                    past: "the input had a hum",
+                }],
                 ..web::Vitals::default()
             }
             .to_json(),
@@ -211,6 +232,12 @@ mod tests {
                 failed: 1
             }
         );
+        let problem = InputProblem {
+            kind: "hum".into(),
+            text: "the input has a hum".into(),
+            past: "the input had a hum".into(),
+        };
+        assert_eq!(vitals.input, [problem]);
         assert_eq!(read(r#"{"type":"tomorrow","x":1}"#), Message::Other);
     }
 }

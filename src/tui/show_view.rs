@@ -7,14 +7,9 @@ use std::time::Duration;
 use serde_json::{Value, json};
 
 use super::link::LinkEvent;
-use super::message::{Hello, Message, State, Vitals};
+use super::message::{Hello, InputProblem, Message, State, Vitals};
 use super::target::Target;
-use corybant_core::dsp::level::FLOOR_DB;
 
-/// Duration of silence at the audio input after which a warning appears.
-const SILENCE_MAX: Duration = Duration::from_secs(4);
-/// Input level in decibels relative to full scale; a lower level is silence.
-const SILENCE_DB: f32 = -75.0;
 /// Time for which a notice is shown on the screen.
 const NOTICE_DURATION: Duration = Duration::from_secs(5);
 /// Greatest normal age of the latest snapshot of a connected show. If the snapshot is older, the
@@ -94,10 +89,9 @@ pub struct ShowView {
     pub vitals: Vitals,
     /// Current warnings of the show.
     pub warnings: Vec<String>,
-    /// Warnings about the audio input, by the name of the problem. Each value is a flag (true while
-    /// the problem exists) and the text of the warning. A warning stays until the problem has ended
-    /// and the user dismisses the warning.
-    pub input_warnings: BTreeMap<&'static str, (bool, String)>,
+    /// Problems of the sound of the audio input, by their names. Each value is a flag (true while
+    /// the problem exists) and the problem. It stays until it has ended and the user dismisses it.
+    pub input_problems: BTreeMap<String, (bool, InputProblem)>,
     /// Launch settings for the next pad that the user presses: mode, number of beats and start.
     pub launch: LaunchSettings,
     /// True in learn mode: the next pressed key sends no command; it selects the label or command
@@ -109,9 +103,6 @@ pub struct ShowView {
     /// Text of the last notice (short message to the user), and the time at which it appeared;
     /// `None` if there was no notice yet.
     notice: Option<(String, Duration)>,
-    /// Time at which the silence of the audio input began, counted from the start of the terminal
-    /// view; `None` if the audio input is not silent.
-    silent_since: Option<Duration>,
 }
 
 impl ShowView {
@@ -124,7 +115,7 @@ impl ShowView {
             state: None,
             vitals: Vitals::default(),
             warnings: Vec::new(),
-            input_warnings: BTreeMap::new(),
+            input_problems: BTreeMap::new(),
             launch: LaunchSettings {
                 mode: 0,
                 length: 1,
@@ -133,7 +124,6 @@ impl ShowView {
             is_learning: false,
             held_pads: Vec::new(),
             notice: None,
-            silent_since: None,
         }
     }
 
@@ -152,13 +142,13 @@ impl ShowView {
                 self.hello = hello;
             }
             LinkEvent::Message(Message::State(state)) => {
-                self.check_input(&state, now);
                 self.state = Some((*state, now));
             }
             LinkEvent::Message(Message::Vitals(vitals)) => {
                 let before = std::mem::replace(&mut self.vitals, vitals);
                 self.vitals.osc = self.vitals.osc.take().or(before.osc);
                 self.vitals.midi = self.vitals.midi.take().or(before.midi);
+                self.update_input_problems();
             }
             LinkEvent::Message(Message::Warnings { warnings }) => self.warnings = warnings,
             LinkEvent::Message(Message::Error { message } | Message::Learn { message }) => {
@@ -192,50 +182,18 @@ impl ShowView {
                 .is_some_and(|(_, at)| now.saturating_sub(*at) > STATE_AGE_MAX)
     }
 
-    /// Removes the warnings about problems of the audio input that no longer exist.
+    /// Removes the problems of the audio input that no longer exist.
     pub fn dismiss_past_warnings(&mut self) {
-        self.input_warnings.retain(|_, (is_current, _)| *is_current);
+        self.input_problems.retain(|_, (is_current, _)| *is_current);
     }
 
-    fn check_input(&mut self, state: &State, now: Duration) {
-        if state.db.unwrap_or(FLOOR_DB) > SILENCE_DB {
-            self.silent_since = None;
-        } else {
-            self.silent_since.get_or_insert(now);
+    fn update_input_problems(&mut self) {
+        for (is_current, _) in self.input_problems.values_mut() {
+            *is_current = false;
         }
-        let silent = self
-            .silent_since
-            .is_some_and(|since| now.saturating_sub(since) > SILENCE_MAX);
-        // macOS gives exact zeros to a program that may not use the microphone.
-        let zeros = if state.db.unwrap_or(FLOOR_DB) <= FLOOR_DB {
-            " (macOS: microphone permission)"
-        } else {
-            ""
-        };
-        let hum = format!(
-            "the input hums at {} Hz: look for a ground loop or an unbalanced cable",
-            state.hum
-        );
-        for (name, is_wrong, text, past_text) in [
-            (
-                "silence",
-                silent,
-                format!("the input is silent: check the selected input and its level{zeros}"),
-                "the input was silent for a while",
-            ),
-            (
-                "clipping",
-                state.clipped,
-                "the input clips: reduce its level".into(),
-                "the input clipped",
-            ),
-            ("hum", state.hum > 0, hum, "the input hummed"),
-        ] {
-            if is_wrong {
-                self.input_warnings.insert(name, (true, text));
-            } else if let Some(warning) = self.input_warnings.get_mut(name) {
-                *warning = (false, past_text.into());
-            }
+        for problem in &self.vitals.input {
+            let value = (true, problem.clone());
+            self.input_problems.insert(problem.kind.clone(), value);
         }
     }
 

@@ -6,7 +6,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use toml_edit::{Array, ArrayOfTables, DocumentMut, Item, Table};
 
-use crate::audio::channels::{ChannelLevel, Channels};
+use crate::audio::channels::Channels;
+use crate::audio::input::diagnosis::InputSound;
 use crate::rt::atomic_ms::AtomicMs;
 use corybant_files::show_file::{ShowFile, put};
 
@@ -71,13 +72,17 @@ impl LiveCalibration {
         self.input.as_ref().map(|input| input.latency.ms())
     }
 
-    /// Returns two values for each channel of the audio input: its peak since the last call of this
-    /// method, and whether it is mixed into the mono sound. The list is empty if no device is open.
-    pub fn channels(&self) -> Vec<ChannelLevel> {
-        self.input
-            .as_ref()
-            .map(|input| input.channels.take_levels())
-            .unwrap_or_default()
+    /// Measures the sound of the audio input since the last call of this method. The list of
+    /// channels is empty if no device is open.
+    pub fn take_sound(&self) -> InputSound {
+        let Some(InputCalibration { channels, .. }) = &self.input else {
+            return InputSound::default();
+        };
+        InputSound {
+            channels: channels.take_levels(),
+            rate_hz: channels.rate_hz(),
+            frames: channels.frames(),
+        }
     }
 
     /// Returns the offset of the output with index `output` (from 0), in milliseconds; 0 if there

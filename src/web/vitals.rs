@@ -4,6 +4,7 @@
 use serde::Serialize;
 
 use crate::audio::channels::ChannelLevel;
+use crate::audio::input::diagnosis::InputProblem;
 
 /// The vitals of a show, sent to clients once per second: lateness of poses, state of outputs and
 /// input, latest OSC and MIDI messages.
@@ -25,6 +26,8 @@ pub struct Vitals {
     pub input_latency_ms: Option<f64>,
     /// Level of each channel of the audio input; empty if no device is open.
     pub channels: Vec<ChannelLevel>,
+    /// Current problems of the sound of the audio input.
+    pub input: Vec<InputProblem>,
     /// State of each output, in the order of the show file.
     pub outputs: Vec<OutputVitals>,
     /// Text of a recent OSC message; `None` if none has arrived since the start of the show.
@@ -60,7 +63,8 @@ impl Vitals {
     /// Returns the message to clients with these vitals, as one line of JSON.
     ///
     /// `{"type":"vitals","late_ms_p50":x,"late_ms_p99":x,"late_ms_max":x,"missed":n,
-    /// "input_latency_ms":x|null,"channels":[{"peak":0..,"chosen":bool},…],
+    /// "input_latency_ms":x|null,"channels":[{"peak":0..,"clipped":bool,"chosen":bool},…],
+    /// "input":[{"kind":"silence","text":"the input …","past":"the input was …"},…],
     /// "outputs":[{"kind":"vmc","to":"HOST:PORT","offset_ms":x,"sent":n per second,"failed":n},…],
     /// "osc":"/cue/salsa 1"|null,"midi":"note 36
     /// on, …"|null}`.

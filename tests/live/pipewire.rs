@@ -2,8 +2,11 @@
 //! what another program plays, also after a pause, after a change of the default output device and
 //! after a restart of the server.
 
+use std::net::TcpStream;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use assert_no_alloc::assert_no_alloc;
 use serial_test::serial;
@@ -18,10 +21,13 @@ use corybant_core::fault::{Fault, Faults};
 use crate::ROOT;
 use crate::common::jack::{in_child, wait_for};
 use crate::common::pipewire::{PipewireServer, folder};
+use crate::common::program::Program;
 
 /// Duration of the sound before the first beat that is judged, in seconds. The tracker needs some
 /// beats to find the tempo.
 const FIRST_S: f64 = 4.0;
+/// Length of a pause between two songs.
+const PAUSE: Duration = Duration::from_secs(10);
 /// Greatest distance of a correct beat from a true beat, in seconds.
 const TOLERANCE_S: f64 = 0.07;
 
@@ -146,12 +152,18 @@ fn what_another_program_plays_is_followed_like_the_file() {
                 "{loopback} against {from_file}"
             );
 
-            // The input stays open during a pause, and delivers the sound after the pause.
+            // The input stays open during a pause of 10 s, and delivers the sound after the pause.
             let mut block = [0.0; 4_096];
             wait_for("silence", || {
                 let n = input.read(&mut block);
                 n > 0 && block[..n].iter().all(|x| x.abs() < 1e-4)
             });
+            let pause = Instant::now();
+            while pause.elapsed() < PAUSE {
+                let n = input.read(&mut block);
+                assert!(block[..n].iter().all(|x| x.abs() < 1e-4));
+                std::thread::park_timeout(Duration::from_millis(5));
+            }
             let _playing = server.play(&song());
             wait_for("the sound after the pause", || {
                 let n = input.read(&mut block);
@@ -217,4 +229,94 @@ fn a_server_that_starts_again_is_heard_again() {
         });
         read(&mut input, &mut Vec::new(), 1.0);
     });
+}
+
+/// Starts a show on what the computer plays. Its page has a port of its own.
+fn show_of_output(folder: &Path) -> Program {
+    let show = folder.join("show.toml");
+    let text = "[audio]\ninput = \"output\"\n[osc]\nlisten = \"127.0.0.1:0\"\nquery = \"off\"\n\
+                [page]\nlisten = \"127.0.0.1:0\"\n";
+    std::fs::write(&show, text).unwrap();
+    Program::start(["run".as_ref(), show.as_os_str()])
+}
+
+/// Returns the properties of the audio streams that the process `id` has in PipeWire.
+fn stream_properties(id: u32) -> Option<serde_json::Value> {
+    let dump = Command::new("pw-dump").output().unwrap();
+    let objects: serde_json::Value = serde_json::from_slice(&dump.stdout).ok()?;
+    let group = format!("cpal-{id}");
+    let mut properties = objects
+        .as_array()?
+        .iter()
+        .map(|object| &object["info"]["props"]);
+    properties
+        .find(|properties| properties["node.group"] == group.as_str())
+        .cloned()
+}
+
+#[test]
+#[serial]
+fn patch_bays_show_the_program_by_its_name() {
+    with_server("patch_bays_show_the_program_by_its_name", |_server| {
+        let folder = tempfile::tempdir().unwrap();
+        let program = show_of_output(folder.path());
+        let mut found = None;
+        wait_for("the stream", || {
+            found = stream_properties(program.id());
+            found.is_some()
+        });
+        let properties = found.unwrap();
+        for (key, value) in [
+            ("node.name", "corybant"),
+            ("node.description", "Corybant"),
+            ("media.name", "music"),
+            ("media.role", "Production"),
+            ("node.latency", "256/48000"),
+        ] {
+            assert_eq!(properties[key], value, "{key}: {properties}");
+        }
+        program.signal("INT");
+        program.ends_well();
+    });
+}
+
+#[test]
+#[serial]
+fn ten_seconds_of_silence_are_reported_with_their_remedy() {
+    with_server(
+        "ten_seconds_of_silence_are_reported_with_their_remedy",
+        |server| {
+            let folder = tempfile::tempdir().unwrap();
+            let start = Instant::now();
+            let mut program = show_of_output(folder.path());
+            let page = program.listening("page");
+            let stream = TcpStream::connect(page).unwrap();
+            let (mut socket, _) = tungstenite::client(format!("ws://{page}/live"), stream).unwrap();
+            // The problems of the input, once a second.
+            let mut problems = || loop {
+                let tungstenite::Message::Text(text) = socket.read().unwrap() else {
+                    continue;
+                };
+                let message: serde_json::Value = serde_json::from_str(&text).unwrap();
+                if message["type"] == "vitals" {
+                    return message["input"].as_array().unwrap().clone();
+                }
+            };
+            let text = loop {
+                if let [problem] = &problems()[..] {
+                    break problem["text"].clone();
+                }
+            };
+            assert!(start.elapsed() >= PAUSE, "after {:?}", start.elapsed());
+            let text = text.as_str().unwrap();
+            assert!(
+                text.starts_with("the computer plays nothing: start the music"),
+                "{text}"
+            );
+            let _playing = server.play(&song());
+            while !problems().is_empty() {}
+            program.signal("INT");
+            program.ends_well();
+        },
+    );
 }

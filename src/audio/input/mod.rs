@@ -7,6 +7,7 @@
 //! the show thread only empties the ring buffer and never waits for either of them.
 
 pub mod devices;
+pub mod diagnosis;
 mod monitor;
 mod settings;
 mod source;

@@ -138,7 +138,7 @@ impl Supervisor {
     /// warning.
     fn close(&self, device: Option<OpenDevice>) {
         self.exchange.is_live.store(false, Ordering::Relaxed);
-        self.channels.set_count(0);
+        self.channels.set_format(0, 0);
         self.faults.count(Fault::AudioLost);
         let name = device
             .as_ref()
@@ -228,7 +228,7 @@ impl Supervisor {
             Some(OPEN_TIMEOUT),
         )?;
         stream.play()?;
-        self.channels.set_count(channel_count);
+        self.channels.set_format(channel_count, rate_hz);
         // Replaces a source that the show thread has not read yet.
         self.exchange.new.force_push(source);
         let name = DeviceName::of(device);

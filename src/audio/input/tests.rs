@@ -96,7 +96,7 @@ fn a_source_returns_the_samples_that_fit_and_keeps_the_rest() {
 fn a_chosen_channel_is_mixed_at_once() {
     let (mut producer, consumer) = HeapRb::new(20_000).split();
     let channels = Channels::new(&[]);
-    channels.set_count(2);
+    channels.set_format(2, SAMPLE_RATE);
     let mut source = Source::new(consumer, SAMPLE_RATE, 2, channels.clone()).unwrap();
     let mut mono = [0.0; 100];
     for (chosen, expected) in [(&[][..], 0.375), (&[1], 0.25), (&[2], 0.5), (&[9], 0.375)] {

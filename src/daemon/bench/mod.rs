@@ -185,6 +185,7 @@ impl Bench {
             faults,
             ticks: Arc::default(),
             lateness: Default::default(),
+            mix: Default::default(),
             leds: None,
         };
         let end = EndCondition {

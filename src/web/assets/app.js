@@ -104,12 +104,12 @@ function standing({ warnings: list }) {
 function vitals(message) {
   showMachine(message);
   calibrate.vitals(message);
+  warnings.update(message.input);
 }
 
 function state(message) {
   if (!about) return;
   calibrate.state(message);
-  warnings.update(message, about, performance.now());
   latest = message;
   latestAt = performance.now();
 }

@@ -11,10 +11,10 @@ use crate::maths;
 /// Rate at which the reported peak (greatest recent absolute sample) falls, in dB per second.
 const PEAK_FALL_DB_PER_S: f32 = 12.0;
 /// Absolute value from which on a sample counts as being at full scale. Full scale is 1.
-const FULL_SCALE: f32 = 0.9995;
+pub const FULL_SCALE: f32 = 0.9995;
 /// Least number of consecutive samples at full scale that counts as clipping. A loud recording can
 /// have shorter runs of such samples without clipping.
-const CLIPPED_RUN: u32 = 3;
+pub const CLIPPED_RUN: u32 = 3;
 /// Number of hops after the last clipped sample for which clipping is reported (2 s).
 const CLIPPED_HOPS: u32 = 2 * SAMPLE_RATE / HOP as u32;
 /// The mains frequencies whose hum is detected, in hertz.
