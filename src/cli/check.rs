@@ -1,5 +1,6 @@
 //! `corybant check`: checks a show file.
 
+use std::error::Error;
 use std::path::{Path, PathBuf};
 
 use crate::audio::{file, input};
@@ -24,12 +25,27 @@ pub(super) struct CheckArgs {
 /// # Errors
 /// [`ConfigError`] with all problems, one line each.
 pub(super) fn check(args: &CheckArgs) -> Outcome {
-    let show = args.show.as_path();
+    let (problems, notes, _) = examine(&args.show)?;
+    if !problems.is_empty() {
+        return Err(Box::new(ConfigError { problems }));
+    }
+    print(&format!("{}: OK\n{notes}", shown(&args.show)))
+}
+
+/// Reads the show file `show` and every file that it names. Returns its problems, notes about devices
+/// that are not available now (one line each), and its settings (`None` if it is not valid TOML).
+///
+/// # Errors
+/// The show file cannot be read.
+pub(super) fn examine(
+    show: &Path,
+) -> Result<(Vec<String>, String, Option<Config>), Box<dyn Error>> {
     let name = shown(show);
     let text = read_text(show)?;
     let (config, mut problems) = Config::read(&name, &text);
     let mut notes = String::new();
-    if let Some(config) = config.map(|config| config.in_folder(folder_of(show))) {
+    let config = config.map(|config| config.in_folder(folder_of(show)));
+    if let Some(config) = &config {
         for (number, missing) in config.midi.iter().map(midi::missing).enumerate() {
             let Some(why) = missing else { continue };
             notes += &format!(
@@ -37,21 +53,18 @@ pub(super) fn check(args: &CheckArgs) -> Outcome {
                 number + 1
             );
         }
-        notes += &check_input(&name, &config, &mut problems);
-        check_avatars(&name, &config, &mut problems);
+        notes += &check_input(&name, config, &mut problems);
+        check_avatars(&name, config, &mut problems);
         // If the section [graph] cannot be read, the labels would be checked against the wrong
         // graph.
         let named = text
             .lines()
             .any(|line| line.trim_start().starts_with("[graph]"));
         if problems.is_empty() || !named || !config.graph.file.as_os_str().is_empty() {
-            check_graph(show, &config, &mut problems);
+            check_graph(show, config, &mut problems);
         }
     }
-    if !problems.is_empty() {
-        return Err(Box::new(ConfigError { problems }));
-    }
-    print(&format!("{name}: OK\n{notes}"))
+    Ok((problems, notes, config))
 }
 
 /// Checks the audio input. Adds a problem to `problems` if the music file cannot be decoded, or if

@@ -8,6 +8,7 @@ mod check;
 mod completions;
 mod demo;
 mod devices;
+mod doctor;
 mod inputs;
 mod inspect;
 mod man;
@@ -75,6 +76,8 @@ enum Command {
     Top(top::TopArgs),
     /// List the audio inputs and MIDI ports of this machine
     Devices,
+    /// Print a page about this computer for a report of a problem: system, audio, MIDI, ports
+    Doctor(doctor::DoctorArgs),
     /// Measure the speed and timing of this machine
     Bench {
         /// Measurement
@@ -107,6 +110,7 @@ impl Command {
             #[cfg(feature = "tui")]
             Self::Top(args) => top::top(args),
             Self::Devices => devices::devices(),
+            Self::Doctor(args) => doctor::doctor(args),
             Self::Bench { part } => bench::bench(part),
             Self::Check(args) => check::check(args),
             Self::Completions(args) => completions::completions(args),

@@ -72,6 +72,38 @@ struct Slot {
     pixels: Buffer,
 }
 
+/// Returns the GPU, or the software renderer if there is no GPU, that [`Canvas::open`] uses: its
+/// name, graphics interface and driver, as text for the user.
+///
+/// # Errors
+/// [`VideoError::NoAdapter`] if there is no renderer.
+pub fn adapter() -> Result<String, VideoError> {
+    let info = find_adapter()?.get_info();
+    let driver = [info.driver, info.driver_info].join(" ");
+    Ok(format!(
+        "{}, {}, {}",
+        info.name,
+        info.backend,
+        driver.trim()
+    ))
+}
+
+fn find_adapter() -> Result<wgpu::Adapter, VideoError> {
+    let named = std::env::var("WGPU_BACKEND").ok();
+    let instance = wgpu::Instance::new(InstanceDescriptor {
+        backends: backends(named.as_deref()),
+        flags: wgpu::InstanceFlags::empty(),
+        ..InstanceDescriptor::new_without_display_handle()
+    });
+    let wanted = RequestAdapterOptions {
+        power_preference: wgpu::PowerPreference::HighPerformance,
+        ..Default::default()
+    };
+    pollster::block_on(instance.request_adapter(&wanted)).map_err(|_| VideoError::NoAdapter {
+        reason: no_interface(named.as_deref()),
+    })
+}
+
 impl Canvas {
     /// Opens a GPU, or a software renderer if there is no GPU, and creates all resources for
     /// pictures of the size `size`. The environment variable `WGPU_BACKEND`, such as
@@ -80,19 +112,7 @@ impl Canvas {
     /// # Errors
     /// [`VideoError`] if there is no renderer or if it does not support the size.
     pub fn open(size: Size) -> Result<Self, VideoError> {
-        let missing = |reason: String| VideoError::NoAdapter { reason };
-        let named = std::env::var("WGPU_BACKEND").ok();
-        let instance = wgpu::Instance::new(InstanceDescriptor {
-            backends: backends(named.as_deref()),
-            flags: wgpu::InstanceFlags::empty(),
-            ..InstanceDescriptor::new_without_display_handle()
-        });
-        let wanted = RequestAdapterOptions {
-            power_preference: wgpu::PowerPreference::HighPerformance,
-            ..Default::default()
-        };
-        let adapter = pollster::block_on(instance.request_adapter(&wanted))
-            .map_err(|_| missing(no_interface(named.as_deref())))?;
+        let adapter = find_adapter()?;
         let name = adapter.get_info().name;
         let max = adapter.limits().max_texture_dimension_2d;
         if size.width.max(size.height) > max {
@@ -107,8 +127,12 @@ impl Canvas {
             required_limits: limits,
             ..Default::default()
         };
-        let (device, queue) = pollster::block_on(adapter.request_device(&wanted))
-            .map_err(|error| missing(format!("{name}: {error}")))?;
+        let (device, queue) =
+            pollster::block_on(adapter.request_device(&wanted)).map_err(|error| {
+                VideoError::NoAdapter {
+                    reason: format!("{name}: {error}"),
+                }
+            })?;
         let device_error = Arc::new(Mutex::new(None));
         let error_slot = device_error.clone();
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {

@@ -14,6 +14,14 @@ pub type Pixels = Arc<Vec<u8>>;
 /// The renderer of a build without GPU support. It cannot be created.
 pub enum Canvas {}
 
+/// Returns an error, because this build has no GPU support.
+///
+/// # Errors
+/// Always [`VideoError::NotBuilt`].
+pub fn adapter() -> Result<String, VideoError> {
+    Err(VideoError::NotBuilt)
+}
+
 impl Canvas {
     /// Returns an error, because this build has no GPU support.
     ///

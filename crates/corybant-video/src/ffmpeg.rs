@@ -51,6 +51,25 @@ pub fn check(output: &Output) -> Result<(), VideoError> {
     encoders(output).map(drop)
 }
 
+/// Returns the version of the installed ffmpeg.
+///
+/// # Errors
+/// ffmpeg cannot be started, or prints no version.
+pub fn version() -> std::io::Result<String> {
+    let output = ffmpeg()
+        .arg("-version")
+        .stdin(Stdio::null())
+        .stderr(Stdio::null())
+        .output()?;
+    // The first line is "ffmpeg version 5.1.6 Copyright …".
+    let text = String::from_utf8_lossy(&output.stdout);
+    let words = text.lines().next().unwrap_or_default();
+    match words.split_whitespace().collect::<Vec<_>>()[..] {
+        ["ffmpeg", "version", version, ..] => Ok(version.into()),
+        _ => Err(std::io::Error::other("it prints no version")),
+    }
+}
+
 /// Returns a command that starts ffmpeg without arguments. ffmpeg gets its own process group, so
 /// that Ctrl-C in the terminal only reaches this program.
 fn ffmpeg() -> Command {

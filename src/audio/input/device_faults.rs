@@ -50,7 +50,7 @@ fn a_device_that_vanishes_while_it_is_opened_is_named() {
     let text = warning("USB Mixer", &[device.clone(), other.clone()]);
     assert!(text.contains("cannot open USB Mixer"), "{text}");
     assert!(
-        text.contains("it has disappeared: connect it again"),
+        text.contains("disconnected; connect it and switch it on"),
         "{text}"
     );
     assert_eq!(device.attempts.lock().unwrap().len(), 1, "no other format");

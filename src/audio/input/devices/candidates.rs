@@ -15,7 +15,7 @@ use super::services::Service;
 const MONITOR: &str = ".monitor";
 /// End of the ids of the devices with which PipeWire follows the default device of the system. They
 /// are no devices of their own, so they are not listed.
-const FOLLOWERS: &str = "_default";
+pub(super) const FOLLOWERS: &str = "_default";
 
 /// A device whose sound a show can use.
 pub(super) struct Candidate {

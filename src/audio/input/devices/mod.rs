@@ -22,7 +22,7 @@ use thiserror::Error;
 pub use self::find::{find_among, find_input, is_loopback, missing};
 pub use self::format::{block_sizes, input_configs};
 pub use self::list::{DeviceList, HostDevices, InputDevice, devices, devices_of};
-pub use self::services::{Service, default_output, jack_host, service_ids, services};
+pub use self::services::{Service, default_output, defaults_of, jack_host, service_ids, services};
 
 /// Value of the setting `audio.input` that selects the system's default device.
 pub const DEFAULT: &str = "default";
@@ -136,7 +136,7 @@ impl DeviceError {
 
     /// Returns the error that `device` cannot be opened because of `error`.
     pub(crate) fn refused(device: impl Into<String>, error: &cpal::Error) -> Self {
-        let reason = error.to_string();
+        let reason = error.to_string().trim_end_matches('.').to_owned();
         Self::Refused {
             device: device.into(),
             remedy: remedies::remedy(error.kind(), &reason),

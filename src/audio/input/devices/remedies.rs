@@ -42,9 +42,7 @@ pub(super) fn remedy(kind: ErrorKind, reason: &str) -> &'static str {
         _ if cfg!(windows) && ACCESS_DENIED.iter().any(|text| reason.contains(text)) => {
             NO_PERMISSION
         }
-        ErrorKind::DeviceNotAvailable => {
-            "it has disappeared: connect it again, or choose another device"
-        }
+        ErrorKind::DeviceNotAvailable => "connect it and switch it on, or choose another device",
         ErrorKind::HostUnavailable => "start the audio service of the system",
         ErrorKind::UnsupportedConfig => {
             "choose another format in the sound settings of the system, or another device"
@@ -70,7 +68,7 @@ mod tests {
         };
         assert!(refused.contains(place), "{refused}");
         for (kind, text) in [
-            (ErrorKind::DeviceNotAvailable, "connect it again"),
+            (ErrorKind::DeviceNotAvailable, "connect it"),
             (ErrorKind::UnsupportedConfig, "another format"),
             (ErrorKind::BackendError, "close other programs"),
         ] {

@@ -4,7 +4,8 @@
 use cpal::traits::HostTrait;
 use cpal::{Device, Host, HostId};
 
-use super::JACK;
+use super::candidates::FOLLOWERS;
+use super::{DeviceName, JACK, silence_libraries};
 
 /// An audio service of this system.
 pub struct Service {
@@ -93,6 +94,20 @@ pub fn default_output() -> Result<Device, String> {
         .map_err(|error| error.to_string())?
         .default_output_device()
         .ok_or_else(|| "the system has none".into())
+}
+
+/// Returns the default input device and the default output device of the audio service `id`; `None`
+/// for each that the service does not have or does not name.
+pub fn defaults_of(id: HostId) -> [Option<DeviceName>; 2] {
+    silence_libraries();
+    let service = Service::open(id);
+    let Ok(host) = service.host() else {
+        return [None, None];
+    };
+    [host.default_input_device(), host.default_output_device()].map(|device| {
+        let name = DeviceName::of(&device?);
+        Some(name).filter(|name| !name.id.ends_with(FOLLOWERS))
+    })
 }
 
 /// Returns the audio service JACK; `None` if this build or system has no JACK.
