@@ -25,21 +25,30 @@ pub(super) struct CheckArgs {
 /// # Errors
 /// [`ConfigError`] with all problems, one line each.
 pub(super) fn check(args: &CheckArgs) -> Outcome {
-    let (problems, notes, _) = examine(&args.show)?;
+    let Findings {
+        problems, notes, ..
+    } = examine(&args.show)?;
     if !problems.is_empty() {
         return Err(Box::new(ConfigError { problems }));
     }
     print(&format!("{}: OK\n{notes}", shown(&args.show)))
 }
 
-/// Reads the show file `show` and every file that it names. Returns its problems, notes about devices
-/// that are not available now (one line each), and its settings (`None` if it is not valid TOML).
+/// What a check of a show file has found.
+pub(super) struct Findings {
+    /// Problems of the show file, one sentence each.
+    pub(super) problems: Vec<String>,
+    /// Devices that are not available now, one line each.
+    pub(super) notes: String,
+    /// The settings; `None` if the show file is not valid TOML.
+    pub(super) config: Option<Config>,
+}
+
+/// Reads the show file `show` and every file that it names.
 ///
 /// # Errors
 /// The show file cannot be read.
-pub(super) fn examine(
-    show: &Path,
-) -> Result<(Vec<String>, String, Option<Config>), Box<dyn Error>> {
+pub(super) fn examine(show: &Path) -> Result<Findings, Box<dyn Error>> {
     let name = shown(show);
     let text = read_text(show)?;
     let (config, mut problems) = Config::read(&name, &text);
@@ -64,7 +73,11 @@ pub(super) fn examine(
             check_graph(show, config, &mut problems);
         }
     }
-    Ok((problems, notes, config))
+    Ok(Findings {
+        problems,
+        notes,
+        config,
+    })
 }
 
 /// Checks the audio input. Adds a problem to `problems` if the music file cannot be decoded, or if

@@ -243,6 +243,35 @@ await promise('the pulse does not move if the user prefers reduced motion', asyn
   check([...pulses].filter(Boolean).length === 1, `pulses ${[...pulses]}`);
 }, { options: { reducedMotion: 'reduce' } });
 
+/** Replaces the vitals of the show: `page.sendVitals(input)` sends vitals with the problems `input` of the audio input. */
+const replaceVitals = (page) => page.routeWebSocket('**/live**', (socket) => {
+  socket.connectToServer().onMessage((message) => { if (!message.includes('"type":"vitals"')) socket.send(message); });
+  const vitals = { type: 'vitals', late_ms_p50: 0, late_ms_p99: 0, late_ms_max: 0, missed: 0, input_latency_ms: null, channels: [], outputs: [] };
+  page.sendVitals = (input) => socket.send(JSON.stringify({ ...vitals, input, osc: null, midi: null }));
+});
+
+for (const [name, width, height] of [['a phone', 360, 740], ['a laptop', 1366, 768]]) {
+  await promise(`problems of the input appear on ${name}, move no pad, and stay until dismissed`, async (page) => {
+    const place = () => page.locator('.pad').first().boundingBox();
+    const before = await place();
+    const device = `🎛️ מיקרופון ${'x'.repeat(200)} <b>`;
+    const silence = { kind: 'silence', text: 'the computer plays nothing: start the music', past: 'the input was silent for a while' };
+    page.sendVitals([silence, { kind: 'clipping', text: `the input ${device} clips`, past: 'the input clipped' }]);
+    const lines = page.locator('#warnings li');
+    await page.waitForFunction(() => document.querySelectorAll('#warnings li[data-now="true"]').length === 2);
+    check((await lines.first().locator('span').textContent()) === silence.text, 'another text');
+    check((await lines.nth(1).textContent()).includes(device), 'the name of the device is not shown as it is');
+    check(JSON.stringify(await place()) === JSON.stringify(before), 'the pads have moved');
+    const wide = await page.evaluate(() => [document.scrollingElement, ...document.querySelectorAll('#warnings, #warnings li')]
+      .filter((element) => element.scrollWidth > element.clientWidth).length);
+    check(wide === 0, 'a long name is wider than its place');
+    page.sendVitals([]);
+    await page.waitForFunction((past) => document.querySelector('#warnings li[data-now="false"] span')?.textContent === past, silence.past);
+    for (let i = 0; i < 2; i++) await lines.first().locator('button').click();
+    check(await page.locator('#warnings').isHidden(), 'a dismissed line stays');
+  }, { options: { viewport: { width, height } }, before: replaceVitals });
+}
+
 for (const [name, width, height] of [['a phone', 360, 740], ['a phone in landscape', 740, 360], ['a laptop', 1366, 768]]) {
   await promise(`the page fits ${name}`, async (page) => {
     const wrong = await page.evaluate(() => ['#view', '#now-label', '#bpm', '#beats', '#hand', '.pad', '#panic'].filter((selector) => {

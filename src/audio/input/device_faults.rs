@@ -83,7 +83,7 @@ fn a_device_that_another_program_uses_alone_is_opened_when_it_is_free() {
 #[test]
 fn the_sound_of_an_output_in_exclusive_use_is_awaited() {
     let busy = |_| Some(ErrorKind::DeviceBusy);
-    let output = input("Speakers", "{1}", &[CD]).as_output().refusing(busy);
+    let output = input("Speakers", "{1}", &[CD]).into_output().refusing(busy);
     let microphone = input("Microphone", "{2}", &[CD]);
     let devices = [output, microphone.clone()];
     for name in ["output", "output:Speakers"] {

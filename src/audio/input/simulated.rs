@@ -48,7 +48,7 @@ pub(super) fn input(name: &str, id: &str, formats: &[Format]) -> SimulatedDevice
 
 impl SimulatedDevice {
     /// Makes this device an output device.
-    pub(super) fn as_output(mut self) -> Self {
+    pub(super) fn into_output(mut self) -> Self {
         self.is_output = true;
         self
     }

@@ -25,7 +25,8 @@ use std::time::Duration;
 use self::page::{Line, Section};
 use self::privacy::Privacy;
 use self::probe::Probe;
-use super::{Outcome, check, print};
+use super::check::{self, Findings};
+use super::{Outcome, print};
 
 /// Longest time for a check of the system. A sound server that hangs never answers.
 const LIMIT: Duration = Duration::from_secs(6);
@@ -65,7 +66,11 @@ pub(super) fn doctor(args: &DoctorArgs) -> Outcome {
 /// Returns the problems and notes about the show file `show`, and the state of its ports.
 fn check_show(show: &std::path::Path, privacy: &Privacy) -> Vec<Line> {
     let outside = |text: &str| privacy.clean(text);
-    let (problems, notes, config) = match check::examine(show) {
+    let Findings {
+        problems,
+        notes,
+        config,
+    } = match check::examine(show) {
         Ok(found) => found,
         Err(error) => return vec![Line::problem(outside(&error.to_string()))],
     };

@@ -16,6 +16,8 @@ const MONITOR: &str = ".monitor";
 /// End of the ids of the devices with which PipeWire follows the default device of the system. They
 /// are no devices of their own, so they are not listed.
 pub(super) const FOLLOWERS: &str = "_default";
+/// Id of the streams of this program. PipeWire lists them as input devices too.
+const OWN_STREAM: &str = "corybant";
 
 /// A device whose sound a show can use.
 pub(super) struct Candidate {
@@ -36,7 +38,9 @@ pub(super) fn candidates(service: &Service) -> Result<Vec<Candidate>, cpal::Erro
         .devices()?
         .map(|device| (DeviceName::of(&device), device));
     let candidates = devices
-        .filter(|(name, _)| !(is_pipewire && name.id.ends_with(FOLLOWERS)))
+        .filter(|(name, _)| {
+            !(is_pipewire && (name.id.ends_with(FOLLOWERS) || name.id == OWN_STREAM))
+        })
         .map(|(name, device)| Candidate {
             is_loopback: is_loopback(service, &device, &name),
             device,
