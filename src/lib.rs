@@ -24,6 +24,7 @@
 //! | [`offline`] | rehearsal, replay, dance files, motion directories, the planner's benchmark |
 //! | [`editor`] | the editor page: a song, its cue list and the dance |
 //! | [`daemon`] | a live show: threads, start order, reload of the show file, recording, shutdown |
+//! | [`doctor`] | a page about the computer for reports of problems |
 //! | [`cli`] | the commands of the program |
 //!
 //! # Threads
@@ -70,6 +71,7 @@ pub mod cli;
 pub mod clock;
 pub mod config;
 pub mod daemon;
+pub mod doctor;
 pub mod editor;
 pub mod midi;
 pub mod offline;

@@ -1,18 +1,40 @@
-//! Selects the graphics interfaces in which a renderer is searched.
+//! Finds a renderer, and selects the graphics interfaces in which it is searched.
 //!
-//! In: the environment variable `WGPU_BACKEND`. Out: graphics interfaces; the reason if nothing draws.
-//! Thread: any. Pure.
+//! In: the environment variable `WGPU_BACKEND`. Out: a renderer; the reason if nothing draws.
+//! Thread: any except show and audio.
 
-use wgpu::Backends;
+use wgpu::{Adapter, Backends, InstanceDescriptor, RequestAdapterOptions};
+
+use crate::VideoError;
+
+/// Returns the GPU, or a software renderer if there is no GPU.
+///
+/// # Errors
+/// [`VideoError::NoAdapter`] if there is no renderer.
+pub(crate) fn find_adapter() -> Result<Adapter, VideoError> {
+    let named = std::env::var("WGPU_BACKEND").ok();
+    let instance = wgpu::Instance::new(InstanceDescriptor {
+        backends: backends(named.as_deref()),
+        flags: wgpu::InstanceFlags::empty(),
+        ..InstanceDescriptor::new_without_display_handle()
+    });
+    let wanted = RequestAdapterOptions {
+        power_preference: wgpu::PowerPreference::HighPerformance,
+        ..Default::default()
+    };
+    pollster::block_on(instance.request_adapter(&wanted)).map_err(|_| VideoError::NoAdapter {
+        reason: no_interface(named.as_deref()),
+    })
+}
 
 /// Returns the graphics interfaces to search. `named` is the value of the environment variable
 /// `WGPU_BACKEND`; `None` if it is not set.
-pub(crate) fn backends(named: Option<&str>) -> Backends {
+fn backends(named: Option<&str>) -> Backends {
     named.map_or(Backends::PRIMARY, Backends::from_comma_list)
 }
 
 /// Returns the reason why no renderer was found. `named` is as in [`backends`].
-pub(crate) fn no_interface(named: Option<&str>) -> String {
+fn no_interface(named: Option<&str>) -> String {
     match named {
         Some(named) => format!(
             "WGPU_BACKEND is {named:?}, and nothing draws with that; remove it, or set it to vulkan, metal or dx12"

@@ -11,15 +11,14 @@ use std::sync::{Arc, Mutex, PoisonError};
 use wgpu::{
     AddressMode, BindGroup, BindGroupDescriptor, BindGroupEntry, BindingResource, Buffer,
     BufferDescriptor, BufferUsages, Color, CommandEncoder, CompareFunction, Device,
-    DeviceDescriptor, Extent3d, FilterMode, IndexFormat, InstanceDescriptor, LoadOp, MapMode,
-    Operations, PollType, Queue, RenderPassColorAttachment, RenderPassDepthStencilAttachment,
-    RenderPassDescriptor, RequestAdapterOptions, SamplerDescriptor, StoreOp, SubmissionIndex,
-    TexelCopyBufferInfo, TexelCopyBufferLayout, Texture, TextureDescriptor, TextureDimension,
-    TextureFormat, TextureUsages, TextureView,
+    DeviceDescriptor, Extent3d, FilterMode, IndexFormat, LoadOp, MapMode, Operations, PollType,
+    Queue, RenderPassColorAttachment, RenderPassDepthStencilAttachment, RenderPassDescriptor,
+    SamplerDescriptor, StoreOp, SubmissionIndex, TexelCopyBufferInfo, TexelCopyBufferLayout,
+    Texture, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages, TextureView,
 };
 
 use super::{Size, VideoError, mesh};
-use crate::backends::{backends, no_interface};
+use crate::backends::find_adapter;
 use crate::figure::FLOATS_PER_LIMB;
 use crate::pipelines::{COLOUR, DEPTH, Pipelines, SAMPLES};
 use crate::scene::{SCENE_FLOATS, Scene, View, shadow_side};
@@ -86,22 +85,6 @@ pub fn adapter() -> Result<String, VideoError> {
         info.backend,
         driver.trim()
     ))
-}
-
-fn find_adapter() -> Result<wgpu::Adapter, VideoError> {
-    let named = std::env::var("WGPU_BACKEND").ok();
-    let instance = wgpu::Instance::new(InstanceDescriptor {
-        backends: backends(named.as_deref()),
-        flags: wgpu::InstanceFlags::empty(),
-        ..InstanceDescriptor::new_without_display_handle()
-    });
-    let wanted = RequestAdapterOptions {
-        power_preference: wgpu::PowerPreference::HighPerformance,
-        ..Default::default()
-    };
-    pollster::block_on(instance.request_adapter(&wanted)).map_err(|_| VideoError::NoAdapter {
-        reason: no_interface(named.as_deref()),
-    })
 }
 
 impl Canvas {

@@ -19,7 +19,7 @@ use super::devices::Service;
 /// The format of an attempt to open a device: sample rate, channels, sample format.
 pub(super) type Format = (u32, u16, SampleFormat);
 /// Returns the error with which a device refuses the format of an attempt to open it.
-type Refusal = Arc<dyn Fn(Format) -> Option<ErrorKind> + Send + Sync>;
+type RefusedWith = Arc<dyn Fn(Format) -> Option<ErrorKind> + Send + Sync>;
 
 /// A simulated device. Clones share the list of attempts.
 #[derive(Clone)]
@@ -28,7 +28,7 @@ pub(super) struct SimulatedDevice {
     id: String,
     is_output: bool,
     formats: Vec<Format>,
-    refusal: Refusal,
+    refusal: RefusedWith,
     /// All attempts to open the device so far.
     pub(super) attempts: Arc<Mutex<Vec<Format>>>,
 }

@@ -1,5 +1,6 @@
-//! `corybant doctor`: one page about this computer for a report of a problem. It opens no audio
-//! device and no connection to a running show, so it does not disturb one.
+//! One page about this computer for a report of a problem (`corybant doctor`). In: the system. Out:
+//! text. Thread: any; each check has its own. No audio stream and no connection to a running show is
+//! opened, so that none is disturbed.
 //!
 //! | file | subject |
 //! |---|---|
@@ -19,31 +20,27 @@ mod probe;
 mod sound;
 mod timing;
 
-use std::path::PathBuf;
 use std::time::Duration;
 
 use self::page::{Line, Section};
 use self::privacy::Privacy;
 use self::probe::Probe;
-use super::check::{self, Findings};
-use super::{Outcome, print};
+use crate::config::Config;
 
 /// Longest time for a check of the system. A sound server that hangs never answers.
 const LIMIT: Duration = Duration::from_secs(6);
 
-/// Arguments of `corybant doctor`.
-#[derive(clap::Args, Debug)]
-pub(super) struct DoctorArgs {
-    /// Show file whose devices and ports are checked too
-    show: Option<PathBuf>,
+/// What a check of a show file has found.
+pub struct ShowFindings {
+    /// Problems, and devices that are not available now; one sentence each.
+    pub problems: Vec<String>,
+    /// The settings; `None` if the show file cannot be read.
+    pub config: Option<Config>,
 }
 
-/// `corybant doctor`: prints a page about this computer. A problem that the page reports is no error
-/// of the command.
-///
-/// # Errors
-/// Standard output cannot be written.
-pub(super) fn doctor(args: &DoctorArgs) -> Outcome {
+/// Returns the page about this computer. `check_show` checks the show file whose devices and ports
+/// belong on the page; `None` if there is none.
+pub fn page(check_show: Option<impl FnOnce() -> ShowFindings + Send + 'static>) -> String {
     let privacy = Privacy::of_system();
     // Other checks would delay the timers.
     let timing = Probe::start("Timing", LIMIT, &privacy, timing::lines).finish();
@@ -53,37 +50,26 @@ pub(super) fn doctor(args: &DoctorArgs) -> Outcome {
     ];
     probes.extend(sound::probes(LIMIT, &privacy));
     probes.push(Probe::start("Ports", LIMIT, &privacy, ports::lines));
-    if let Some(show) = args.show.clone() {
-        let work = move |privacy: &Privacy| check_show(&show, privacy);
+    if let Some(check_show) = check_show {
+        let work = |privacy: &Privacy| show_lines(&check_show(), privacy);
         probes.push(Probe::start("Show file", LIMIT, &privacy, work));
     }
     let program = Section::new("Corybant", machine::program());
     let mut sections = vec![program, timing];
     sections.extend(probes.into_iter().map(Probe::finish));
-    print(&privacy.without_home(&page::text(&sections)))
+    privacy.without_home(&page::text(&sections))
 }
 
-/// Returns the problems and notes about the show file `show`, and the state of its ports.
-fn check_show(show: &std::path::Path, privacy: &Privacy) -> Vec<Line> {
-    let outside = |text: &str| privacy.clean(text);
-    let Findings {
-        problems,
-        notes,
-        config,
-    } = match check::examine(show) {
-        Ok(found) => found,
-        Err(error) => return vec![Line::problem(outside(&error.to_string()))],
-    };
+/// Returns the problems of a show file and the state of its ports.
+fn show_lines(found: &ShowFindings, privacy: &Privacy) -> Vec<Line> {
+    let problems = found.problems.iter();
     let mut lines: Vec<Line> = problems
-        .iter()
-        .map(|problem| Line::problem(outside(problem)))
-        .chain(notes.lines().map(|note| Line::problem(outside(note))))
+        .map(|problem| Line::problem(privacy.clean(problem)))
         .collect();
     if lines.is_empty() {
         lines.push(Line::fact("settings", "OK"));
     }
-    if let Some(config) = config {
-        lines.extend(ports::of_show(&config, privacy));
-    }
+    let config = found.config.as_ref();
+    lines.extend(config.map_or(Vec::new(), |config| ports::of_show(config, privacy)));
     lines
 }

@@ -60,7 +60,7 @@ impl Probe {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::doctor::page::text;
+    use crate::doctor::page::text;
 
     fn finished(
         limit: Duration,
