@@ -203,10 +203,9 @@ mod tests {
         let lines = service(&found, &Privacy::default());
         let first = "Line: up to 2 channels, 44100 to 48000 Hz";
         assert_eq!(lines[0], Line::Item(first.into()));
-        assert_eq!(
-            (lines.len(), &lines[12]),
-            (13, &Line::Item("and 9 more".into()))
-        );
+        assert_eq!(lines[DEVICES_MAX], Line::Item("and 9 more".into()));
+        let unusable = Line::fact("in use or not available", "Busy");
+        assert_eq!(lines[DEVICES_MAX + 1..], [unusable]);
         assert!(!format!("{lines:?}").contains("SERIAL123"));
     }
 }

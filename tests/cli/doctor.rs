@@ -4,7 +4,6 @@
 use std::net::UdpSocket;
 use std::path::Path;
 use std::process::Command;
-use std::time::{Duration, Instant};
 
 use crate::common::program::corybant;
 
@@ -115,6 +114,7 @@ fn the_program_on_a_port_of_the_show_is_named() {
 #[cfg(all(target_os = "linux", feature = "pipewire"))]
 fn a_sound_server_that_hangs_does_not_stop_the_page() {
     use std::os::unix::net::UnixListener;
+    use std::time::{Duration, Instant};
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir(folder.path().join("pulse")).unwrap();
     // The system accepts the connections, and nobody answers.

@@ -20,7 +20,7 @@ const FORMATS_MAX: usize = 6;
 
 /// Returns the stream formats (sample rate, channels, sample format) of `device` that contain the
 /// channel number `channel_max`, counted from 1, the preferred one first; at least one, at most
-/// [`FORMATS_MAX`]. For 0, any number of channels is enough. Prefers the default format of the
+/// six. For 0, any number of channels is enough. Prefers the default format of the
 /// device, and a rate below 44.1 kHz only if there is no other. A device without inputs delivers
 /// what it plays, in its output format.
 ///

@@ -53,7 +53,7 @@ pub struct InputSound {
     pub channels: Vec<ChannelLevel>,
     /// Sample rate that the device reports, in Hz.
     pub rate_hz: u32,
-    /// Number of samples per channel that the device has delivered since it was opened.
+    /// Number of samples per channel that the input has delivered so far.
     pub frames: u64,
 }
 
