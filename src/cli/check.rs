@@ -9,7 +9,7 @@ use crate::midi;
 use corybant_core::show::ShowError;
 use corybant_files::shown;
 
-use super::inputs::{FILE_PREFIX, find_cast, folder_of, read_text};
+use super::inputs::{find_cast, folder_of, read_text};
 use super::{Outcome, print};
 
 /// Arguments of `corybant check`.
@@ -85,7 +85,7 @@ pub(super) fn examine(show: &Path) -> Result<Findings, Box<dyn Error>> {
 /// user; otherwise an empty text. `name` is the show file's name in messages.
 fn check_input(name: &str, config: &Config, problems: &mut Vec<String>) -> String {
     let input = &config.audio.input;
-    if let Some(path) = input.strip_prefix(FILE_PREFIX) {
+    if let Some(path) = input.strip_prefix(input::FILE_PREFIX) {
         problems.extend(
             file::decode(Path::new(path))
                 .err()

@@ -9,7 +9,7 @@ use tracing::info;
 use crate::audio::feed::FileFeed;
 use crate::audio::file;
 use crate::audio::input::devices::{self, DEFAULT, OUTPUT};
-use crate::audio::input::{self, DeviceError};
+use crate::audio::input::{self, DeviceError, FILE_PREFIX};
 use crate::config::Config;
 use crate::daemon::{self, CueRecording, Recorder, Recordings, Samples, ShowInputs};
 use crate::rt::warnings::Warnings;
@@ -22,7 +22,7 @@ use corybant_files::Places;
 
 use super::inputs::files::add_show_inputs;
 use super::inputs::{
-    FILE_PREFIX, check_labels, find_cast, graph_files, lines_in_file, read_config, read_cue_list,
+    check_labels, find_cast, graph_files, lines_in_file, read_config, read_cue_list,
 };
 use super::{Outcome, seconds, stop_on_signal};
 

@@ -9,11 +9,13 @@
 //! | `[[midi]]`: any key, any number of controllers | new MIDI map, new ports |
 //! | `[plan]`: any key | new planners |
 //! | `tempo.source`, `tempo.bpm` | a tempo command, as from a performer |
+//! | `audio.input` | another input device; not from or to a music file |
 //! | `audio.channels`, `audio.input_latency_ms`, `osc.velocity_as_intensity` | the new value |
 
 use toml::Value;
 
 use super::Config;
+use crate::audio::input::FILE_PREFIX;
 
 /// Which parts of a running show an edited show file may replace.
 #[derive(Clone, Copy, Debug)]
@@ -21,6 +23,8 @@ pub struct Reach {
     /// True if new planners may replace the current ones; false while the show is recorded for a
     /// replay.
     pub plan: bool,
+    /// True if the sound comes from an input device, which another one may replace.
+    pub input: bool,
 }
 
 /// Returns the keys of the settings that need a restart, such as `audio.input` or `dancer 2.home`.
@@ -34,6 +38,9 @@ pub fn later(started: &Config, new: &Config, reach: Reach) -> Vec<String> {
         output: started.output.clone(),
         ..new.clone()
     };
+    if reach.input && !new.audio.input.starts_with(FILE_PREFIX) {
+        rest.audio.input.clone_from(&started.audio.input);
+    }
     rest.audio.channels.clone_from(&started.audio.channels);
     rest.audio.input_latency_ms = started.audio.input_latency_ms;
     rest.osc.velocity_as_intensity = started.osc.velocity_as_intensity;
@@ -91,17 +98,22 @@ fn differ(key: &str, a: &Value, b: &Value, keys: &mut Vec<String>) {
 mod tests {
     use super::*;
 
+    const REACH: Reach = Reach {
+        plan: true,
+        input: true,
+    };
+
     fn config(text: &str) -> Config {
         Config::parse("show.toml", text).unwrap()
     }
 
     fn later_of(before: &str, after: &str) -> Vec<String> {
-        later(&config(before), &config(after), Reach { plan: true })
+        later(&config(before), &config(after), REACH)
     }
 
     #[test]
     fn live_settings_need_no_restart() {
-        let after = "[audio]\nchannels = [2]\ninput_latency_ms = 20\n[tempo]\nsource = \"fixed\"\nbpm = 99\n[plan]\nbar = 5\nhorizon_beats = 16\nseed = 7\n[osc]\nvelocity_as_intensity = true\n\
+        let after = "[audio]\ninput = \"output\"\nchannels = [2]\ninput_latency_ms = 20\n[tempo]\nsource = \"fixed\"\nbpm = 99\n[plan]\nbar = 5\nhorizon_beats = 16\nseed = 7\n[osc]\nvelocity_as_intensity = true\n\
                      [[output]]\nto = \"127.0.0.1:7000\"\nrate_hz = 30\n[[output]]\nkind = \"plain\"\n[[midi]]\nport = \"x\"\n";
         assert_eq!(later_of("", after), [""; 0]);
         assert_eq!(later_of(after, ""), [""; 0]);
@@ -109,7 +121,7 @@ mod tests {
 
     #[test]
     fn settings_that_need_a_restart_are_named_by_their_keys() {
-        let after = "[audio]\ninput = \"jack\"\n[tempo]\nsource = \"midi\"\nmidi_clock = \"jack:\"\n[graph]\nfile = \"a.graph\"\n\
+        let after = "[audio]\ninput = \"file:a.wav\"\n[tempo]\nsource = \"midi\"\nmidi_clock = \"jack:\"\n[graph]\nfile = \"a.graph\"\n\
                      [plan]\nbar = 5\nseed = 7\n[[dancer]]\nhome = [1.0, 0.0]\n[osc]\nlisten = \"127.0.0.1:9009\"\n[page]\nlisten = \"off\"\n";
         let expected = [
             "audio.input",
@@ -127,10 +139,19 @@ mod tests {
             later(
                 &config(""),
                 &config("[plan]\nbar = 5"),
-                Reach { plan: false }
+                Reach {
+                    plan: false,
+                    ..REACH
+                }
             ),
             ["plan.bar"]
         );
+        let of_a_file = Reach {
+            input: false,
+            ..REACH
+        };
+        let device = config("[audio]\ninput = \"jack\"");
+        assert_eq!(later(&config(""), &device, of_a_file), ["audio.input"]);
         assert_eq!(
             later_of("[[dancer]]\n", "[[dancer]]\n[[dancer]]\nname = \"b\"\n"),
             ["dancer"]

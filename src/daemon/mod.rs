@@ -29,9 +29,7 @@ use thiserror::Error;
 use tracing::info;
 
 use crate::audio::feed::{FileFeed, PlayedFeed};
-use crate::audio::input::AudioIn;
-use crate::audio::input::devices::is_loopback;
-use crate::audio::input::diagnosis::InputDiagnosis;
+use crate::audio::input::{AudioIn, InputControl};
 use crate::clock::out::ClockOutError;
 use crate::config::Config;
 use crate::midi::MidiError;
@@ -131,6 +129,14 @@ pub enum Samples {
 }
 
 impl Samples {
+    /// Returns a handle that replaces the input device; `None` if the samples come from a file.
+    fn control(&self) -> Option<InputControl> {
+        match self {
+            Self::Device(device) => Some(device.control()),
+            Self::File(_) | Self::Played(_) => None,
+        }
+    }
+
     /// Copies the samples that are due at the show time `now` into `buffer` and returns the number
     /// of samples. For an input device, also sets the input latency of `show`.
     fn read(&mut self, show: &mut Show, now: Seconds, buffer: &mut [f32]) -> usize {
@@ -226,7 +232,7 @@ fn start<'a>(
         inputs.faults.clone(),
     )?;
     let (snapshots, page_snapshots) = Snapshot::channel(show.graph(0).skeleton.len());
-    let about = About::new(show.graph(0), cast.pads(), &config.tempo, &config.audio);
+    let about = About::new(show.graph(0), cast.pads(), &config.tempo);
     let mut watchers = Watchers::new(snapshots);
     let context = ListenerContext {
         calibration: calibration(config, &inputs.samples, &outputs),
@@ -242,7 +248,6 @@ fn start<'a>(
         &CountedOutputs::new(&outputs, &config.output),
         context.cues.last_messages().clone(),
         context.calibration.clone(),
-        InputDiagnosis::new(is_loopback(&config.audio.input)),
     );
     let monitor = Monitor::new(cast, collector, &context.faults);
     let reload_context = ReloadContext {
@@ -250,6 +255,7 @@ fn start<'a>(
         changes: change_sender,
         shared: context.clone(),
         controls: listeners.controls(),
+        input: inputs.samples.control(),
         is_recorded: inputs.recordings.show.is_some(),
         new_outputs: monitor.new_outputs.clone(),
     };
@@ -372,6 +378,7 @@ fn calibration(config: &Config, samples: &Samples, outputs: &[(usize, Output)]) 
         Samples::Device(device) => Some(InputCalibration {
             latency: device.latency_setting().clone(),
             channels: device.channels().clone(),
+            is_loopback: device.is_loopback().clone(),
         }),
         Samples::File(_) | Samples::Played(_) => None,
     };

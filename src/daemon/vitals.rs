@@ -56,18 +56,17 @@ pub(super) struct VitalsCollector {
 
 impl VitalsCollector {
     /// Creates a collector of vitals. It reads the counters of `outputs`, the texts of the last OSC
-    /// and MIDI messages, and the calibration; `diagnosis` finds the problems of the audio input.
+    /// and MIDI messages, and the calibration.
     pub(super) fn new(
         outputs: &CountedOutputs,
         last_messages: Arc<LastMessages>,
         calibration: LiveCalibration,
-        diagnosis: InputDiagnosis,
     ) -> Self {
         let mut collector = Self {
             counters: Vec::new(),
             last_messages,
             calibration,
-            diagnosis,
+            diagnosis: InputDiagnosis::default(),
             mix: SoundCheck::default(),
             vitals: Vitals::default(),
             collected: Instant::now(),
@@ -126,6 +125,7 @@ impl VitalsCollector {
         self.vitals.input_latency_ms = self.calibration.input_latency_ms();
         let elapsed = now.duration_since(std::mem::replace(&mut self.collected, now));
         let sound = self.calibration.take_sound();
+        self.vitals.loopback = self.calibration.is_loopback();
         self.vitals.input = self.diagnosis.update(elapsed, &sound, self.mix);
         self.vitals.channels = sound.channels;
         let (osc, midi) = (

@@ -5,8 +5,6 @@
 
 use serde::Serialize;
 
-use crate::audio::input;
-use crate::audio::input::devices::is_loopback;
 use corybant_core::graph::Graph;
 use corybant_core::motion::Skeleton;
 use corybant_core::tempo::settings::Settings;
@@ -26,8 +24,6 @@ pub struct About {
     pub beats_per_bar: u32,
     /// Tempo sources that a client of the page can select.
     pub sources: Sources,
-    /// True if the audio input is what the computer plays (loopback).
-    pub is_loopback: bool,
 }
 
 #[derive(Serialize)]
@@ -42,26 +38,18 @@ struct Hello<'a> {
     clips: &'a [String],
     beats_per_bar: u32,
     sources: Vec<&'static str>,
-    loopback: bool,
 }
 
 impl About {
     /// Creates the static data of a show. `graph` is the motion graph of the first dancer and
-    /// `labels` are the names of the pads. `tempo` gives the beats per bar and the tempo sources,
-    /// `audio` the audio input.
-    pub fn new(
-        graph: &Graph,
-        labels: &[String],
-        tempo: &Settings,
-        audio: &input::Settings,
-    ) -> Self {
+    /// `labels` are the names of the pads. `tempo` gives the beats per bar and the tempo sources.
+    pub fn new(graph: &Graph, labels: &[String], tempo: &Settings) -> Self {
         Self {
             skeleton: graph.skeleton.clone(),
             labels: labels.to_vec(),
             clips: graph.clips.iter().map(|clip| clip.name.clone()).collect(),
             beats_per_bar: tempo.beats_per_bar,
             sources: tempo.sources(),
-            is_loopback: is_loopback(&audio.input),
         }
     }
 
@@ -69,7 +57,7 @@ impl About {
     ///
     /// `{"type":"hello","joints":[name,…],"parents":[index|null,…],"offsets":[[x,y,z],…],"ends":
     /// [[[x,y,z],…],…],"labels":[name,…], "clips":[name,…],"beats_per_bar":4,"sources":["audio"
-    /// ,…],"loopback":false}`. Lengths are in metres. `ends` has, for each joint, the end points of its bones that
+    /// ,…]}`. Lengths are in metres. `ends` has, for each joint, the end points of its bones that
     /// lead to no other joint (such as a fingertip), relative to this joint.
     pub fn to_json(&self) -> String {
         let joints = &self.skeleton.joints;
@@ -86,7 +74,6 @@ impl About {
             clips: &self.clips,
             beats_per_bar: self.beats_per_bar.max(1),
             sources: self.sources.iter().map(TempoSource::name).collect(),
-            loopback: self.is_loopback,
         };
         serde_json::to_string(&hello).unwrap_or_default()
     }

@@ -2,6 +2,7 @@
 //! each output. In: settings from the web page's clients. Out: atomic values that the show reads;
 //! the show file. Thread: any except show and audio.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use toml_edit::{Array, ArrayOfTables, DocumentMut, Item, Table};
@@ -37,6 +38,8 @@ pub struct InputCalibration {
     pub latency: AtomicMs,
     /// Channels of the device: which of them are mixed into the mono sound, and their levels.
     pub channels: Channels,
+    /// True if the device delivers what an output plays (loopback); it can change during the show.
+    pub is_loopback: Arc<AtomicBool>,
 }
 
 /// Calibration of a live show: latency and channels of the audio input, and the offset of each
@@ -72,6 +75,13 @@ impl LiveCalibration {
         self.input.as_ref().map(|input| input.latency.ms())
     }
 
+    /// Returns true if the audio input is what the computer plays (loopback).
+    pub fn is_loopback(&self) -> bool {
+        self.input
+            .as_ref()
+            .is_some_and(|input| input.is_loopback.load(Ordering::Relaxed))
+    }
+
     /// Measures the sound of the audio input since the last call of this method. The list of
     /// channels is empty if no device is open.
     pub fn take_sound(&self) -> InputSound {
@@ -79,6 +89,7 @@ impl LiveCalibration {
             return InputSound::default();
         };
         InputSound {
+            is_loopback: self.is_loopback(),
             channels: channels.take_levels(),
             rate_hz: channels.rate_hz(),
             frames: channels.frames(),
@@ -224,6 +235,7 @@ mod tests {
             Some(InputCalibration {
                 latency: AtomicMs::new(latency),
                 channels: Channels::new(&[]),
+                is_loopback: Arc::default(),
             }),
             offsets.iter().map(|&ms| AtomicMs::new(ms)).collect(),
             None,

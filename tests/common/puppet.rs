@@ -79,7 +79,6 @@ pub fn about() -> About {
         clips: ["stand_easy".into(), "step_and_clap_03".into()].to_vec(),
         beats_per_bar: 4,
         sources: Default::default(),
-        is_loopback: false,
     }
 }
 

@@ -212,6 +212,54 @@ fn the_sound_of_the_default_output_follows_its_change() {
 
 #[test]
 #[serial]
+fn another_device_replaces_the_input_during_a_show() {
+    with_server(
+        "another_device_replaces_the_input_during_a_show",
+        |server| {
+            let faults = Arc::new(Faults::default());
+            server.add_sink("hall");
+            let mut input = open("output:room", &faults);
+            let control = input.control();
+            let named = |name: &str, channels: &[u16]| Settings {
+                input: name.into(),
+                channels: channels.into(),
+                ..Settings::default()
+            };
+            // The song plays on `room`, which is not heard on `hall`.
+            let _playing = server.play(&song());
+            read(&mut input, &mut Vec::new(), 1.0);
+            control.replace(&named("output:hall", &[2])).unwrap();
+            wait_for("the silence of the other output", || {
+                let mut block = [0.0; 4_096];
+                let n = input.read(&mut block);
+                n > 0 && block[..n].iter().all(|x| x.abs() < 1e-4)
+            });
+            assert_eq!(input.channels().chosen(), [2]);
+            // A device that cannot be opened, or that lacks a channel, changes nothing.
+            let no_such = control.replace(&named("Line 77", &[])).unwrap_err();
+            assert!(
+                no_such.to_string().contains("\"Line 77\": there is no"),
+                "{no_such}"
+            );
+            let too_few = control.replace(&named("output:room", &[99])).unwrap_err();
+            assert!(too_few.to_string().contains("has 99"), "{too_few}");
+            assert_eq!(
+                (input.channels().chosen(), input.open_count()),
+                (vec![2], 2)
+            );
+            control.replace(&named("output:room", &[])).unwrap();
+            read(&mut input, &mut Vec::new(), 1.0);
+            let lost = faults.of(Fault::AudioLost);
+            assert_eq!(
+                (input.open_count(), input.channels().chosen(), lost),
+                (3, vec![], 0)
+            );
+        },
+    );
+}
+
+#[test]
+#[serial]
 fn a_server_that_starts_again_is_heard_again() {
     with_server("a_server_that_starts_again_is_heard_again", |server| {
         let faults = Arc::new(Faults::default());

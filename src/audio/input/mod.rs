@@ -3,8 +3,8 @@
 //!
 //! In: the device that the show file names. Out: [`AudioIn`], from which the show thread reads
 //! samples. Threads: the callback of the device fills a ring buffer (see `callback`); the
-//! supervisor thread "audio-watch" opens the device, monitors it and opens it again after a loss;
-//! the show thread only empties the ring buffer and never waits for either of them.
+//! supervisor thread "audio-watch" opens the device, monitors it, opens it again after a loss and
+//! replaces it on request; the show thread only empties the ring buffer and never waits for either.
 
 pub mod devices;
 pub mod diagnosis;
@@ -19,13 +19,11 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use crossbeam::queue::ArrayQueue;
-
 pub use self::devices::{DeviceError, DeviceList, devices};
 use self::devices::{Service, services};
-pub use self::settings::Settings;
+pub use self::settings::{FILE_PREFIX, Settings};
 pub use self::source::Source;
-use self::supervisor::Supervisor;
+use self::supervisor::{Exchange, FirstResult, Request, Supervisor};
 use crate::audio::channels::Channels;
 use crate::rt::atomic_ms::AtomicMs;
 use crate::rt::warnings::Warnings;
@@ -37,6 +35,8 @@ const WARNING_TOPIC: &str = "audio input";
 /// Longest time for which the start of a show waits for an audio system that does not answer. After
 /// this time the show starts without sound.
 const START_TIMEOUT: Duration = Duration::from_secs(5);
+/// Longest time for which a request for another device waits for the audio system.
+const REPLACE_TIMEOUT: Duration = Duration::from_secs(15);
 /// Longest time for which the end of a show waits until the input device is closed.
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(2);
 /// Largest allowed input latency in the settings, in milliseconds; a larger value is refused.
@@ -57,23 +57,48 @@ pub struct AudioIn {
     /// Text for the user about the device that was opened at the start of the show; `None` if none
     /// was opened.
     description: Option<String>,
-    /// Sender that is dropped to stop the supervisor thread; `None` once it was dropped.
-    stop: Option<Sender<()>>,
+    /// True if the device delivers what an output plays; the supervisor thread sets it.
+    is_loopback: Arc<AtomicBool>,
+    requests: Sender<Request>,
     /// Handle of the thread that opens and monitors the device; `None` once the thread has been
     /// joined.
     supervisor: Option<JoinHandle<()>>,
 }
 
-/// Values that the supervisor thread and the show thread exchange; neither waits for the other.
-struct Exchange {
-    /// Queue from the supervisor thread to the show thread, with the reader of the samples of a
-    /// newly opened device.
-    new: ArrayQueue<Source>,
-    /// Queue from the show thread back to the supervisor thread, with readers that are no longer
-    /// used. The supervisor frees them, because the show thread must not free memory.
-    old: ArrayQueue<Source>,
-    /// True while an input device is open and has delivered sound, or may pause.
-    is_live: AtomicBool,
+/// Handle that replaces the device of an [`AudioIn`] during the show.
+#[derive(Clone)]
+pub struct InputControl(Sender<Request>);
+
+impl InputControl {
+    /// Opens the device that `settings` name, and uses it and the channels in `settings` instead of
+    /// the current device. The settings of the latency are not used.
+    ///
+    /// # Errors
+    /// [`DeviceError`] if the device cannot be opened, or if the audio system does not answer. The
+    /// current device and channels then stay in use.
+    pub fn replace(&self, settings: &Settings) -> Result<(), DeviceError> {
+        let (reply, result) = channel();
+        let request = Request::Replace {
+            settings: Box::new(settings.clone()),
+            reply,
+        };
+        let refused = |reason: &str| DeviceError::Refused {
+            device: settings.input.clone(),
+            reason: reason.into(),
+            remedy: "start the show again, or choose another device",
+        };
+        self.0
+            .send(request)
+            .map_err(|_| refused("the audio thread has ended"))?;
+        result
+            .recv_timeout(REPLACE_TIMEOUT)
+            .unwrap_or_else(|error| {
+                Err(refused(match error {
+                    RecvTimeoutError::Timeout => "the audio system does not answer",
+                    RecvTimeoutError::Disconnected => "the audio thread has ended",
+                }))
+            })
+    }
 }
 
 impl AudioIn {
@@ -129,6 +154,16 @@ impl AudioIn {
         &self.channels
     }
 
+    /// Returns a handle that replaces the device during the show.
+    pub fn control(&self) -> InputControl {
+        InputControl(self.requests.clone())
+    }
+
+    /// Returns a shared flag: true if the device delivers what an output plays (loopback).
+    pub fn is_loopback(&self) -> &Arc<AtomicBool> {
+        &self.is_loopback
+    }
+
     /// Returns a text for the user about the device that was opened at the start of the show and
     /// about its format; `None` if none was opened.
     pub fn description(&self) -> Option<&str> {
@@ -138,7 +173,8 @@ impl AudioIn {
 
 impl Drop for AudioIn {
     fn drop(&mut self) {
-        drop(self.stop.take());
+        // If the thread has ended already, there is nothing to stop.
+        let _ = self.requests.send(Request::Stop);
         let Some(supervisor) = self.supervisor.take() else {
             return;
         };
@@ -180,23 +216,21 @@ fn open_among(
     faults: &Arc<Faults>,
     warnings: &Warnings,
 ) -> Result<AudioIn, DeviceError> {
-    let exchange = Arc::new(Exchange {
-        new: ArrayQueue::new(1),
-        old: ArrayQueue::new(4),
-        is_live: AtomicBool::new(false),
-    });
-    let (stop, stopped) = channel();
+    let exchange = Arc::<Exchange>::default();
+    let (requests, received_requests) = channel();
     let (sender, receiver) = channel();
     let channels = Channels::new(&settings.channels);
+    let is_loopback = Arc::new(AtomicBool::new(devices::is_loopback(&settings.input)));
     let supervisor = Supervisor {
         find_services,
-        settings: settings.clone(),
+        input: settings.input.clone(),
         channels: channels.clone(),
         faults: faults.clone(),
         warnings: warnings.clone(),
         exchange: exchange.clone(),
-        stopped,
+        requests: received_requests,
         last_device: None,
+        is_loopback: is_loopback.clone(),
     };
     let thread = std::thread::Builder::new().name("audio-watch".into());
     let supervisor = thread
@@ -210,14 +244,11 @@ fn open_among(
         latency_setting: AtomicMs::new(settings.input_latency_ms),
         channels,
         description,
-        stop: Some(stop),
+        is_loopback,
+        requests,
         supervisor: Some(supervisor),
     })
 }
-
-/// Result of the supervisor thread's first attempt to open the device: a description of the open
-/// device, `None` if no device is open yet, or the reason why the show cannot start.
-type FirstResult = Result<Option<String>, DeviceError>;
 
 /// Waits up to `timeout` for the result of the supervisor thread's first attempt to open the
 /// device. Without a result the show starts without sound.

@@ -6,6 +6,10 @@ use serde::{Deserialize, Serialize};
 use super::{INPUT_LATENCY_MS_MAX, devices};
 use crate::audio::channels::CHANNELS_MAX;
 
+/// Start of a value of the setting `audio.input` that selects a music file instead of a device. The
+/// path of the file follows.
+pub const FILE_PREFIX: &str = "file:";
+
 /// The `[audio]` table of a show file: the input device of a live show.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]

@@ -6,10 +6,11 @@ use std::path::Path;
 
 use corybant_files::Places;
 
+use crate::audio::input::FILE_PREFIX;
 use crate::config::Config;
 use crate::offline::dance_files::file_names;
 
-use super::{FILE_PREFIX, graph_files};
+use super::graph_files;
 
 /// Adds the input files of a show to `places`, which checks that no output overwrites an input. The
 /// inputs are the show file `show`, the graph file `graph` of the option `--graph`, and all files

@@ -20,8 +20,6 @@ use corybant_core::show::{Cast, ShowError};
 use corybant_core::text::one_line_each;
 use corybant_files::shown;
 
-/// Prefix of the value of the setting `audio.input`. It selects a music file instead of a device.
-pub(in crate::cli) const FILE_PREFIX: &str = "file:";
 /// Largest text file that is read, in MiB; a larger one is refused.
 const TEXT_MIB_MAX: u64 = 16;
 

@@ -102,6 +102,7 @@ function standing({ warnings: list }) {
 }
 
 function vitals(message) {
+  if (about) about.loopback = message.loopback;
   showMachine(message);
   calibrate.vitals(message);
   warnings.update(message.input);

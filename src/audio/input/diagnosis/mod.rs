@@ -49,6 +49,8 @@ pub struct InputProblem {
 /// Measurements of an input device since the last ones.
 #[derive(Clone, Debug, Default)]
 pub struct InputSound {
+    /// True if the input is what the computer plays.
+    pub is_loopback: bool,
     /// Level of each channel; empty if no device is open.
     pub channels: Vec<ChannelLevel>,
     /// Sample rate that the device reports, in Hz.
@@ -74,15 +76,6 @@ pub struct InputDiagnosis {
 }
 
 impl InputDiagnosis {
-    /// Creates a diagnosis of a new input. `is_loopback` is true if the input is what the computer
-    /// plays.
-    pub fn new(is_loopback: bool) -> Self {
-        Self {
-            is_loopback,
-            ..Self::default()
-        }
-    }
-
     /// Returns the problems after the next `elapsed` of sound, with the measurements `sound` of the
     /// device and the sound check `mix` of the mixed sound.
     pub fn update(
@@ -91,8 +84,13 @@ impl InputDiagnosis {
         sound: &InputSound,
         mix: SoundCheck,
     ) -> Vec<InputProblem> {
+        if sound.channels.is_empty() || sound.is_loopback != self.is_loopback {
+            *self = Self {
+                is_loopback: sound.is_loopback,
+                ..Self::default()
+            };
+        }
         if sound.channels.is_empty() {
-            *self = Self::new(self.is_loopback);
             return Vec::new();
         }
         let levels = Levels::of(&sound.channels);

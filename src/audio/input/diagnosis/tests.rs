@@ -19,8 +19,9 @@ impl Simulation {
             chosen: chosen.contains(&number),
         };
         Self {
-            diagnosis: InputDiagnosis::new(is_loopback),
+            diagnosis: InputDiagnosis::default(),
             sound: InputSound {
+                is_loopback,
                 channels: (1..).zip(peaks).map(level).collect(),
                 rate_hz: 48_000,
                 frames: 0,
@@ -232,4 +233,14 @@ fn channels_are_listed_briefly() {
     ] {
         assert_eq!(channels(numbers), text);
     }
+}
+
+#[test]
+fn a_replaced_input_is_diagnosed_anew() {
+    let mut input = Simulation::new(false, &[0.0], &[1]);
+    assert!(input.first("silence").is_some());
+    input.sound.is_loopback = true;
+    assert_eq!(input.second(48_000), []);
+    let (second, text) = input.first("silence").expect("no problem of silence");
+    assert!(second > 5 && text.contains("plays"), "{second} s: {text}");
 }

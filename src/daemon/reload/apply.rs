@@ -1,0 +1,315 @@
+//! Applies changed settings to the running show. In: the settings of an edited show file. Out:
+//! changed outputs, planners, input device and values. Thread: show-file.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use tracing::info;
+
+use crate::audio::input::{FILE_PREFIX, InputControl};
+use crate::config::{Config, changes};
+use crate::osc::output::{self, Output, OutputCounter};
+use crate::rt::atomic_ms::AtomicMs;
+use crate::rt::handoff::HandoffSender;
+use crate::rt::latest::Latest;
+use crate::web::calibration::Setting;
+use corybant_core::cue::{Cue, OutputCommand};
+use corybant_core::show::replan::Replan;
+use corybant_core::tempo::command::TempoCommand;
+use corybant_core::tempo::source::TempoSource;
+use corybant_core::time::{Bpm, Seconds};
+
+use crate::daemon::listeners::{ListenerContext, ListenerControls};
+use crate::daemon::outputs::{self, OutputOpener};
+use crate::daemon::show_change::ShowChange;
+use crate::daemon::streams::{NewStreams, Streams};
+use crate::daemon::vitals::CountedOutputs;
+
+/// Handles to the parts of a running show that an edit of the show file can change.
+pub(in crate::daemon) struct ReloadContext {
+    pub(in crate::daemon) opener: OutputOpener,
+    /// Sender of new outputs and new planners to the show thread.
+    pub(in crate::daemon) changes: HandoffSender<ShowChange>,
+    /// The cue queue, the faults, the warnings and the calibration of the show.
+    pub(in crate::daemon) shared: ListenerContext,
+    /// Handles that change the settings of open listeners.
+    pub(in crate::daemon) controls: ListenerControls,
+    /// Handle that replaces the input device; `None` if the sound comes from a file.
+    pub(in crate::daemon) input: Option<InputControl>,
+    /// True if the show is recorded for a replay. Then the outputs and planners of the running show
+    /// do not change.
+    pub(in crate::daemon) is_recorded: bool,
+    /// Sender of the new outputs to the collector of vitals (measurements of the show), which
+    /// counts the datagrams of these outputs.
+    pub(in crate::daemon) new_outputs: Latest<CountedOutputs>,
+}
+
+/// Datagram counter and offset of an output, which other threads share with the show thread.
+#[derive(Clone)]
+struct OutputHandles {
+    counter: Arc<OutputCounter>,
+    offset: AtomicMs,
+}
+
+impl OutputHandles {
+    fn of(output: &Output) -> Self {
+        Self {
+            counter: output.counter().clone(),
+            offset: output.offset().clone(),
+        }
+    }
+}
+
+/// Keys of the settings that differ after an edit of the show file.
+pub(super) struct Applied {
+    /// Keys of the changed settings that the running show uses now, such as `output`.
+    pub(super) live: Vec<&'static str>,
+    /// Keys of the changed settings that take effect only at the next start.
+    pub(super) at_restart: Vec<String>,
+}
+
+/// The settings of a running show, and the handles with which an edit changes them.
+pub(super) struct LiveSettings {
+    /// The settings in the show file at the start of the show. They do not contain the options of
+    /// the command line.
+    started: Config,
+    /// The settings of the last applied text of the show file, including those that take effect
+    /// only at the next start.
+    current: Config,
+    /// Datagram counter and offset of each output, in the order of the outputs in `current`.
+    handles: Vec<OutputHandles>,
+    pub(super) context: ReloadContext,
+}
+
+impl LiveSettings {
+    /// Creates the settings of a show that was started with `started` and `outputs`. Each element
+    /// of `outputs` is the index of a dancer and an output of that dancer's poses.
+    pub(super) fn new(
+        started: Config,
+        outputs: &[(usize, Output)],
+        context: ReloadContext,
+    ) -> Self {
+        let handles = outputs.iter().map(|(_, output)| OutputHandles::of(output));
+        Self {
+            current: started.clone(),
+            started,
+            handles: handles.collect(),
+            context,
+        }
+    }
+
+    /// Takes the MIDI controls and the calibration of `config`, which the show already uses, as
+    /// current settings.
+    pub(super) fn adopt(&mut self, config: Config) {
+        self.current.midi = config.midi;
+        self.current.audio.input_latency_ms = config.audio.input_latency_ms;
+        self.current.audio.channels = config.audio.channels;
+        for (output, kept) in self
+            .current
+            .output
+            .iter_mut()
+            .zip(&config.output)
+            .filter(|(output, kept)| output.equals_except_timing(kept))
+        {
+            output.offset_ms = kept.offset_ms;
+        }
+    }
+
+    /// Applies the settings of `new` that a running show can change. If a label is unknown or an
+    /// device or an output cannot be opened, applies nothing and returns the problems as sentences.
+    pub(super) fn apply(&mut self, mut new: Config) -> Result<Applied, Vec<String>> {
+        let cast = self.context.opener.cast();
+        let reach = changes::Reach {
+            plan: !self.context.is_recorded,
+            input: self.context.input.is_some(),
+        };
+        let mut at_restart = changes::later(&self.started, &new, reach);
+        // New graphs and dancers have other labels, so settings that name labels need a restart
+        // too.
+        let is_other_cast = at_restart
+            .iter()
+            .any(|key| key.starts_with("graph") || key.starts_with("dancer"));
+        let mut problems = Vec::new();
+        new.check_labels(cast.pads(), &mut problems);
+        let is_known = |output: &output::Settings| {
+            output.dancer.is_empty() || cast.names().any(|name| name == output.dancer)
+        };
+        let is_unknown = !new.output.iter().all(is_known);
+        if is_other_cast && (is_unknown || !problems.is_empty()) {
+            new.output.clone_from(&self.current.output);
+            new.midi.clone_from(&self.current.midi);
+            at_restart.extend(["output", "midi"].map(String::from));
+        } else if !problems.is_empty() {
+            return Err(problems);
+        }
+        if self.context.is_recorded && new.output != self.current.output {
+            new.output.clone_from(&self.current.output);
+            at_restart.push("output (this show is being recorded)".into());
+        }
+        let mut live = Vec::new();
+        let opened = self.open_outputs(&new).map_err(|error| vec![error])?;
+        live.extend(self.replace_input(&new).map_err(|error| vec![error])?);
+        let streams = opened.map(|opened| self.install_outputs(opened, &new));
+        let streams = streams.transpose().map_err(|error| vec![error])?;
+        let replan = self.replan(&new, reach);
+        live.extend(streams.as_ref().map(|_| "output"));
+        live.extend(replan.as_ref().map(|_| "plan"));
+        if streams.is_some() || replan.is_some() {
+            self.context.changes.send(ShowChange { streams, replan });
+        }
+        self.apply_other_settings(&new, &mut live);
+        self.current = new;
+        Ok(Applied { live, at_restart })
+    }
+
+    /// Opens the input device in `new` instead of the current one, if it is another one. Returns
+    /// the key of the changed setting.
+    ///
+    /// # Errors
+    /// A sentence that says why the device cannot be opened; the current one then stays in use.
+    fn replace_input(&self, new: &Config) -> Result<Option<&'static str>, String> {
+        let is_device = !new.audio.input.starts_with(FILE_PREFIX);
+        match &self.context.input {
+            Some(input) if is_device && new.audio.input != self.current.audio.input => {
+                input
+                    .replace(&new.audio)
+                    .map_err(|error| format!("{error}."))?;
+                Ok(Some("audio.input"))
+            }
+            _ => Ok(None),
+        }
+    }
+
+    /// Opens the outputs in `new`. Each element of the result is the index of a dancer and an
+    /// output of that dancer's poses. Returns `None` if the outputs in `new` are the same as the
+    /// current ones.
+    ///
+    /// # Errors
+    /// A sentence that says which output cannot be opened.
+    fn open_outputs(&mut self, new: &Config) -> Result<Option<Vec<(usize, Output)>>, String> {
+        if new.output == self.current.output {
+            return Ok(None);
+        }
+        let opened = self.context.opener.open(&new.output);
+        opened.map(Some).map_err(|error| format!("{error}."))
+    }
+
+    /// Creates the pose streams (outputs with deadlines for poses) of `opened`, the outputs in
+    /// `new`, and publishes their counters and offsets.
+    ///
+    /// # Errors
+    /// A sentence that says that no thread can be started.
+    fn install_outputs(
+        &mut self,
+        opened: Vec<(usize, Output)>,
+        new: &Config,
+    ) -> Result<NewStreams, String> {
+        let before = &self.current.output;
+        let mut remaining: Vec<usize> = (0..before.len()).collect();
+        let mut find_kept = |settings: &output::Settings| {
+            let place = remaining
+                .iter()
+                .position(|&number| before[number].equals_except_timing(settings))?;
+            Some(remaining.remove(place))
+        };
+        let kept: Vec<Option<usize>> = new.output.iter().map(&mut find_kept).collect();
+        for line in outputs::lines(&opened, &new.output) {
+            info!("{line}");
+        }
+        let handles = |((_, output), kept): (&(usize, Output), &Option<usize>)| {
+            kept.map_or_else(|| OutputHandles::of(output), |n| self.handles[n].clone())
+        };
+        let handles: Vec<OutputHandles> = opened.iter().zip(&kept).map(handles).collect();
+        for ((settings, kept), handles) in new.output.iter().zip(&kept).zip(&handles) {
+            // An offset set on the page stays, unless the file changes it.
+            if kept.is_some_and(|number| before[number].offset_ms != settings.offset_ms) {
+                handles.offset.set_ms(settings.offset_ms.into());
+            }
+        }
+        let streams =
+            Streams::new(opened).map_err(|error| format!("no thread for the outputs: {error}."))?;
+        self.context.new_outputs.publish(CountedOutputs {
+            counters: handles
+                .iter()
+                .map(|handles| handles.counter.clone())
+                .collect(),
+            settings: new.output.clone(),
+        });
+        let calibration = &self.context.shared.calibration;
+        calibration.set_outputs(
+            handles
+                .iter()
+                .map(|handles| handles.offset.clone())
+                .collect(),
+        );
+        let look_ahead = OutputCommand::LookAhead(Seconds(calibration.offset_s_max()));
+        self.context.shared.cues.push(Cue::Output(look_ahead));
+        self.handles = handles;
+        Ok(NewStreams { streams, kept })
+    }
+
+    /// Creates planners with the `[plan]` settings of `new`. Returns `None` if these settings equal
+    /// the current ones, or if `reach` does not allow new planners.
+    fn replan(&self, new: &Config, reach: changes::Reach) -> Option<Replan> {
+        let plan = Some(&new.plan).filter(|plan| reach.plan && **plan != self.current.plan)?;
+        // One thread, because the show and the sound need the other processors.
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(1)
+            .build()
+            .ok()?;
+        let ReloadContext { opener, shared, .. } = &self.context;
+        Some(pool.install(|| {
+            Replan::new(
+                opener.cast(),
+                plan,
+                self.started.tempo.beats_per_bar,
+                &shared.faults,
+            )
+        }))
+    }
+
+    /// Applies the changed settings of MIDI, OSC, audio and tempo in `new`, and adds their keys to
+    /// `live`.
+    fn apply_other_settings(&self, new: &Config, live: &mut Vec<&'static str>) {
+        let before = &self.current;
+        let (shared, controls) = (&self.context.shared, &self.context.controls);
+        if new.midi != before.midi {
+            controls.midi.set_controllers(new.midi.clone());
+            live.push("midi");
+        }
+        if new.osc.velocity_as_intensity != before.osc.velocity_as_intensity {
+            controls
+                .velocity_as_intensity
+                .store(new.osc.velocity_as_intensity, Ordering::Relaxed);
+            live.push("osc.velocity_as_intensity");
+        }
+        if new.audio.input_latency_ms != before.audio.input_latency_ms {
+            // If the sound comes from a file, it has no input latency; then the error is ignored.
+            let _ = shared
+                .calibration
+                .apply(Setting::InputLatency(new.audio.input_latency_ms));
+            live.push("audio.input_latency_ms");
+        }
+        if new.audio.channels != before.audio.channels {
+            let _ = shared
+                .calibration
+                .apply(Setting::Channels(new.audio.channels.clone()));
+            live.push("audio.channels");
+        }
+        let source = Some(new.tempo.source).filter(|&source| {
+            source != before.tempo.source && self.started.tempo.sources().has(source)
+        });
+        if let Some(source) = source {
+            shared.cues.push(Cue::Tempo(TempoCommand::Source(source)));
+            live.push("tempo.source");
+        }
+        if new.tempo.source == TempoSource::Fixed
+            && (source.is_some() || new.tempo.bpm != before.tempo.bpm)
+        {
+            shared
+                .cues
+                .push(Cue::Tempo(TempoCommand::Tempo(Bpm(new.tempo.bpm))));
+            live.push("tempo.bpm");
+        }
+    }
+}
