@@ -61,6 +61,7 @@ pub(super) fn demo(args: &DemoArgs) -> Outcome {
         recordings: Recordings::default(),
         faults: Arc::default(),
         warnings: Warnings::default(),
+        setup: None,
     };
     let outcome = daemon::run(&config, &graph.into(), inputs, args.seconds, &stop);
     drop(playing);

@@ -18,6 +18,7 @@ mod render;
 mod replay;
 mod run;
 mod score;
+mod start;
 #[cfg(feature = "tui")]
 mod top;
 
@@ -25,7 +26,7 @@ use std::error::Error;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 use tracing_subscriber::EnvFilter;
 
@@ -46,7 +47,7 @@ type Outcome = Result<(), Box<dyn Error>>;
 #[command(version, about, propagate_version = true)]
 struct Cli {
     #[command(subcommand)]
-    command: Command,
+    command: Option<Command>,
 }
 
 #[derive(Subcommand)]
@@ -144,13 +145,28 @@ pub fn main() -> u8 {
             return 2;
         }
     };
-    match command.run() {
+    let outcome = match command {
+        Some(command) => command.run(),
+        None if run::has_desktop() => start::start(),
+        None => return print_help(),
+    };
+    match outcome {
         Ok(()) => 0,
         Err(error) => {
             terminal::print_error(&format!("error: {error}"));
             1
         }
     }
+}
+
+/// Prints the help on standard error, as for a missing command. Returns the exit code.
+fn print_help() -> u8 {
+    let help = Cli::command().render_help();
+    terminal::print_error(help.to_string().trim_end());
+    terminal::print_error(
+        "\nThis computer has no display, so no page opens. `corybant run` starts a show and prints the address of its page.",
+    );
+    2
 }
 
 /// Parses a duration in seconds, which must be finite and more than 0.

@@ -3,6 +3,7 @@
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use tracing::info;
 
@@ -11,6 +12,7 @@ use crate::audio::file;
 use crate::audio::input::devices::{self, DEFAULT, OUTPUT};
 use crate::audio::input::{self, DeviceError, FILE_PREFIX};
 use crate::config::Config;
+use crate::daemon::setup::Setup;
 use crate::daemon::{self, CueRecording, Recorder, Recordings, Samples, ShowInputs};
 use crate::rt::warnings::Warnings;
 use corybant_core::beat::offline;
@@ -27,7 +29,7 @@ use super::inputs::{
 use super::{Outcome, seconds, stop_on_signal};
 
 /// Arguments of `corybant run`.
-#[derive(clap::Args, Debug)]
+#[derive(clap::Args, Debug, Default)]
 pub(super) struct RunArgs {
     /// Show file (TOML) [default: built-in repertoire, VMC to this machine]
     show: Option<PathBuf>,
@@ -59,12 +61,30 @@ pub(super) struct RunArgs {
 /// # Errors
 /// Something that the show needs cannot be opened, or a recording cannot be written.
 pub(super) fn run(args: &RunArgs) -> Outcome {
-    let stop = stop_on_signal()?;
+    run_until(args, &stop_on_signal()?, None)
+}
+
+/// Runs the show that `setup` sets up, until `stop` is true or the setup ends it.
+///
+/// # Errors
+/// Something that the show needs cannot be opened.
+pub(super) fn run_setup(setup: &Arc<Setup>, stop: &Arc<AtomicBool>) -> Outcome {
+    let args = RunArgs {
+        show: Some(setup.path()),
+        ..RunArgs::default()
+    };
+    run_until(&args, stop, Some(setup))
+}
+
+fn run_until(args: &RunArgs, stop: &Arc<AtomicBool>, setup: Option<&Arc<Setup>>) -> Outcome {
     let mut config = read_config(args.show.as_deref())?;
+    if let Some(setup) = setup {
+        config.page.listen = setup.listen().to_string();
+    }
     if let Some(input) = &args.input {
         config.audio.input.clone_from(input);
     } else if args.show.is_none() {
-        config.audio.input = input_without_show(has_desktop(), || devices::missing(OUTPUT)).into();
+        config.audio.input = default_input().into();
     }
     refuse_clashes(args, &config)?;
     let cast = find_cast(args.graph.as_deref(), args.show.as_deref(), &config)?;
@@ -89,9 +109,15 @@ pub(super) fn run(args: &RunArgs) -> Outcome {
         recordings,
         faults,
         warnings,
+        setup: setup.cloned(),
     };
-    daemon::run(&config, &cast, inputs, args.seconds, &stop)?;
+    daemon::run(&config, &cast, inputs, args.seconds, stop)?;
     Ok(())
+}
+
+/// Returns the value of `audio.input` for a show without a show file on this computer.
+pub(super) fn default_input() -> &'static str {
+    input_without_show(has_desktop(), || devices::missing(OUTPUT))
 }
 
 /// Returns the value of `audio.input` for a show without a show file: what the computer plays if it
@@ -110,7 +136,7 @@ fn input_without_show(
 
 /// Returns true if this program runs on the desktop of a computer and not, for example, on a server
 /// or over the network.
-fn has_desktop() -> bool {
+pub(super) fn has_desktop() -> bool {
     let display = ["DISPLAY", "WAYLAND_DISPLAY"];
     cfg!(any(windows, target_os = "macos"))
         || display

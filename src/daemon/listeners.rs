@@ -15,7 +15,7 @@ use crate::rt::terminal;
 use crate::rt::warnings::Warnings;
 use crate::web::calibration::LiveCalibration;
 use crate::web::vitals::Vitals;
-use crate::web::{self, About, Page, Snapshot, WebContext};
+use crate::web::{self, About, Page, SetupRoutes, Snapshot, WebContext};
 use corybant_core::fault::Faults;
 
 use super::DaemonError;
@@ -35,6 +35,8 @@ pub(super) struct ListenerContext {
     /// Input latency, input channels and output offsets, which the web page changes during the
     /// show.
     pub(super) calibration: LiveCalibration,
+    /// Requests with which the page sets up the show; `None` if the page cannot do that.
+    pub(super) setup: Option<SetupRoutes>,
 }
 
 /// Handles that change settings of open listeners after the show file has been edited.
@@ -91,6 +93,7 @@ impl Listeners {
             warnings: context.warnings.clone(),
             learn: Some(midi.control()),
             calibration: context.calibration.clone(),
+            setup: context.setup.clone(),
         };
         let page = (!config.page.is_off())
             .then(|| web::serve(&config.page, about, snapshots, page_context))
@@ -113,6 +116,11 @@ impl Listeners {
             midi: self.midi.control(),
             velocity_as_intensity: self.surfaces.velocity_as_intensity().clone(),
         }
+    }
+
+    /// Returns the network address of the web page; `None` if the page is off.
+    pub(super) fn page_addr(&self) -> Option<SocketAddr> {
+        self.page.as_ref().map(Page::local_addr)
     }
 
     /// Returns the network address on which OSC is received.

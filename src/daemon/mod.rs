@@ -13,6 +13,7 @@ mod outputs;
 mod record;
 mod reload;
 mod service;
+pub mod setup;
 mod show_change;
 mod show_thread;
 mod solving;
@@ -61,6 +62,7 @@ pub use record::cue_list::CueRecording;
 pub use record::recorder::{Recorder, RecorderError};
 use reload::{Reload, ReloadContext};
 use service::Service;
+use setup::Setup;
 use show_thread::{EndCondition, ShowSummary, ShowThread};
 use solving::SolvingThread;
 use streams::Streams;
@@ -165,6 +167,8 @@ pub struct ShowInputs {
     /// Current warnings of the show. The threads that deliver `samples` add warnings to this list
     /// too.
     pub warnings: Warnings,
+    /// Setup of the show on the page; `None` if the page cannot set up the show.
+    pub setup: Option<Arc<Setup>>,
 }
 
 /// Runs a show of the dancers in `cast`, with the outputs and listeners that `config` names. The
@@ -182,8 +186,10 @@ pub fn run(
     stop: &Arc<AtomicBool>,
 ) -> Result<Lateness, DaemonError> {
     let _awake = Awake::request();
+    let setup = inputs.setup.clone();
     let end = EndCondition {
         stop: stop.clone(),
+        end_of_setup: setup.as_ref().map(|setup| setup.end_flag().clone()),
         seconds: seconds.map(Seconds),
     };
     let RunningShow {
@@ -194,6 +200,10 @@ pub fn run(
         reload,
         solver,
     } = start(config, cast, inputs, end)?;
+    if let Some(setup) = &setup {
+        let edits = reload.as_ref().and_then(Reload::edits);
+        setup.show_started(edits, listeners.page_addr());
+    }
     supervise(&thread, &mut monitor, &listeners, &mut recordings);
     let summary = thread.join().map_err(|_| DaemonError::Panicked)?;
     recordings.finish(summary.end())?;
@@ -232,13 +242,15 @@ fn start<'a>(
         inputs.faults.clone(),
     )?;
     let (snapshots, page_snapshots) = Snapshot::channel(show.graph(0).skeleton.len());
-    let about = About::new(show.graph(0), cast.pads(), &config.tempo);
+    let mut about = About::new(show.graph(0), cast.pads(), &config.tempo);
+    about.has_setup = inputs.setup.is_some();
     let mut watchers = Watchers::new(snapshots);
     let context = ListenerContext {
         calibration: calibration(config, &inputs.samples, &outputs),
         cues: CueQueue::new(CUES_MAX, inputs.faults.clone()),
         faults: inputs.faults,
         warnings: inputs.warnings,
+        setup: inputs.setup.as_ref().map(setup::routes),
     };
     let (listeners, leds) =
         Listeners::open(config, about, page_snapshots, &mut watchers, &context)?;

@@ -50,13 +50,18 @@ const WINDOWS: [f64; 2] = [1.0, 10.0];
 pub(super) struct EndCondition {
     /// Shared flag that ends the show once it is true.
     pub(super) stop: Arc<AtomicBool>,
+    /// Shared flag with which the setup on the page ends the show; `None` if there is no setup.
+    pub(super) end_of_setup: Option<Arc<AtomicBool>>,
     /// Show time at which the show ends; `None` for no time limit.
     pub(super) seconds: Option<Seconds>,
 }
 
 impl EndCondition {
     fn is_met(&self, now: Seconds) -> bool {
-        self.stop.load(Ordering::Relaxed) || self.seconds.is_some_and(|seconds| now >= seconds)
+        let is_set = |flag: &Arc<AtomicBool>| flag.load(Ordering::Relaxed);
+        is_set(&self.stop)
+            || self.end_of_setup.as_ref().is_some_and(is_set)
+            || self.seconds.is_some_and(|seconds| now >= seconds)
     }
 }
 

@@ -24,6 +24,8 @@ pub struct About {
     pub beats_per_bar: u32,
     /// Tempo sources that a client of the page can select.
     pub sources: Sources,
+    /// True if the page can set up the show.
+    pub has_setup: bool,
 }
 
 #[derive(Serialize)]
@@ -38,6 +40,7 @@ struct Hello<'a> {
     clips: &'a [String],
     beats_per_bar: u32,
     sources: Vec<&'static str>,
+    setup: bool,
 }
 
 impl About {
@@ -50,6 +53,7 @@ impl About {
             clips: graph.clips.iter().map(|clip| clip.name.clone()).collect(),
             beats_per_bar: tempo.beats_per_bar,
             sources: tempo.sources(),
+            has_setup: false,
         }
     }
 
@@ -57,7 +61,7 @@ impl About {
     ///
     /// `{"type":"hello","joints":[name,…],"parents":[index|null,…],"offsets":[[x,y,z],…],"ends":
     /// [[[x,y,z],…],…],"labels":[name,…], "clips":[name,…],"beats_per_bar":4,"sources":["audio"
-    /// ,…]}`. Lengths are in metres. `ends` has, for each joint, the end points of its bones that
+    /// ,…],"setup":false}`. Lengths are in metres. `ends` has, for each joint, the end points of its bones that
     /// lead to no other joint (such as a fingertip), relative to this joint.
     pub fn to_json(&self) -> String {
         let joints = &self.skeleton.joints;
@@ -74,6 +78,7 @@ impl About {
             clips: &self.clips,
             beats_per_bar: self.beats_per_bar.max(1),
             sources: self.sources.iter().map(TempoSource::name).collect(),
+            setup: self.has_setup,
         };
         serde_json::to_string(&hello).unwrap_or_default()
     }

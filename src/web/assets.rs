@@ -41,6 +41,8 @@ pub const ASSETS: &[Asset] = assets! {
     "/pads.js", SCRIPT, "pads.js";
     "/warnings.js", SCRIPT, "warnings.js";
     "/learn.js", SCRIPT, "learn.js";
+    "/setup.js", SCRIPT, "setup.js";
+    "/upload.js", SCRIPT, "upload.js";
     "/stage.js", SCRIPT, "stage.js";
     "/figure.js", SCRIPT, "figure.js";
     "/vendor/three.module.min.js", SCRIPT, "vendor/three.module.min.js";

@@ -57,8 +57,9 @@ impl BoundServer {
             local_addr,
             link,
             access: Access {
-                listen: local_addr.ip(),
+                listen: local_addr,
                 token,
+                setup: None,
             },
         })
     }

@@ -9,6 +9,7 @@ use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
 
+use axum::Router;
 use axum::extract::ws::Utf8Bytes;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -29,7 +30,9 @@ mod client;
 pub mod client_message;
 pub(crate) mod http;
 pub mod origin;
+pub mod probe;
 mod server;
+pub mod setup_access;
 pub mod snapshot;
 pub mod token;
 pub mod vitals;
@@ -37,6 +40,7 @@ pub mod vitals;
 pub use about::About;
 use bound_server::BoundServer;
 use http::server_thread::ServerThread;
+pub use setup_access::SetupAccess;
 pub use snapshot::Snapshot;
 use token::Token;
 pub use vitals::Vitals;
@@ -158,6 +162,18 @@ pub struct WebContext {
     pub learn: Option<MidiControl>,
     /// Calibration of the show, which browsers can change.
     pub calibration: LiveCalibration,
+    /// Requests with which the page sets up the show; `None` if the page cannot do that.
+    pub setup: Option<SetupRoutes>,
+}
+
+/// The requests below `/setup/` with which a browser on this machine sets up the show. Clones share
+/// the same data.
+#[derive(Clone)]
+pub struct SetupRoutes {
+    /// Router of the requests.
+    pub router: Router,
+    /// The access that the requests need.
+    pub access: Arc<SetupAccess>,
 }
 
 impl WebContext {
@@ -169,6 +185,7 @@ impl WebContext {
             warnings: Warnings::default(),
             learn: None,
             calibration: LiveCalibration::default(),
+            setup: None,
         }
     }
 }
@@ -226,9 +243,13 @@ fn serve_with(
         runtime,
         listener,
         local_addr,
-        link,
-        access,
+        mut link,
+        mut access,
     } = BoundServer::bind(settings)?;
+    if let Some(setup) = &context.setup {
+        link = setup.access.link(local_addr);
+        access.setup = Some(setup.access.clone());
+    }
     if !local_addr.ip().is_loopback() {
         tracing::info!(
             "the page listens on {local_addr}: everyone who can reach this address and has the link can send cues"

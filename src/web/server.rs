@@ -160,7 +160,9 @@ pub(super) struct LatestMessages {
 
 fn router(shared: &Arc<Shared>, latest: LatestMessages) -> Router {
     let shared = Arc::clone(shared);
-    assets::router(ASSETS).route(
+    let setup = shared.context.setup.as_ref();
+    let setup = setup.map_or_else(Router::new, |setup| setup.router.clone());
+    assets::router(ASSETS).merge(setup).route(
         "/live",
         get(
             async move |Extension(address): Extension<ClientAddress>, upgrade: WebSocketUpgrade| {

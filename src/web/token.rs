@@ -21,6 +21,8 @@ pub const LENGTH_MIN: usize = 8;
 pub const LENGTH_MAX: usize = 64;
 /// Name of the cookie in which browsers keep the token.
 const COOKIE_NAME: &str = "corybant";
+/// Key of the token in a link.
+const LINK_KEY: &str = "token";
 /// Number of characters of a generated token, which has 80 random bits.
 const GENERATED_LENGTH: usize = 16;
 /// Characters of a generated token: letters and digits that are not easily confused.
@@ -44,16 +46,24 @@ impl Token {
         if listen.is_loopback() {
             return Ok(None);
         }
+        Self::generated().map(Some)
+    }
+
+    /// Returns a random token.
+    ///
+    /// # Errors
+    /// [`PageError::Random`] if the system gives no random numbers.
+    pub(super) fn generated() -> Result<Self, PageError> {
         let mut bytes = [0; GENERATED_LENGTH];
         getrandom::fill(&mut bytes).map_err(|error| PageError::Random {
             why: error.to_string(),
         })?;
-        Ok(Some(Self(
+        Ok(Self(
             bytes
                 .iter()
                 .map(|byte| char::from(ALPHABET[usize::from(byte % 32)]))
                 .collect(),
-        )))
+        ))
     }
 
     /// Returns true if `text` is allowed as a token: [`LENGTH_MIN`] to [`LENGTH_MAX`] letters,
@@ -67,35 +77,47 @@ impl Token {
 
     /// Returns true if the URI of a request (`/?token=…`) contains the token.
     pub fn is_in_link(&self, uri: &Uri) -> bool {
+        self.is_in_query(uri, LINK_KEY)
+    }
+
+    /// Returns true if the query of a request's URI has the key `key` with the token as its value.
+    pub(super) fn is_in_query(&self, uri: &Uri, key: &str) -> bool {
         let pairs = uri
             .query()
             .unwrap_or("")
             .split('&')
             .filter_map(|pair| pair.split_once('='));
         pairs
-            .filter(|(key, _)| *key == "token")
+            .filter(|(name, _)| *name == key)
             .any(|(_, value)| self.matches(&percent_decode_str(value).decode_utf8_lossy()))
     }
 
     /// Returns true if the headers of a request contain the token, as a cookie or as a bearer
     /// token.
     pub fn is_in_headers(&self, headers: &HeaderMap) -> bool {
+        let bearers = headers
+            .get_all(AUTHORIZATION)
+            .iter()
+            .filter_map(|value| value.to_str().ok()?.strip_prefix("Bearer "));
+        self.is_cookie(headers, COOKIE_NAME) || bearers.into_iter().any(|text| self.matches(text))
+    }
+
+    /// Returns true if a request with the headers `headers` has a cookie `name` with the token.
+    pub(super) fn is_cookie(&self, headers: &HeaderMap, name: &str) -> bool {
         let cookies = headers
             .get_all(COOKIE)
             .iter()
             .filter_map(|value| value.to_str().ok())
             .flat_map(|text| text.split(';'));
-        let cookies = cookies
-            .filter_map(|cookie| cookie.trim().split_once('='))
-            .filter(|(name, _)| *name == COOKIE_NAME)
-            .map(|(_, value)| value);
-        let bearers = headers
-            .get_all(AUTHORIZATION)
-            .iter()
-            .filter_map(|value| value.to_str().ok()?.strip_prefix("Bearer "));
         cookies
-            .chain(bearers)
-            .any(|candidate| self.matches(candidate))
+            .filter_map(|cookie| cookie.trim().split_once('='))
+            .filter(|(found, _)| *found == name)
+            .any(|(_, value)| self.matches(value))
+    }
+
+    /// Returns the token as text, for a link or a cookie.
+    pub(super) fn text(&self) -> &str {
+        &self.0
     }
 
     /// Returns the value of the header `Set-Cookie` with which a browser keeps the token for a

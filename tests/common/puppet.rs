@@ -79,6 +79,7 @@ pub fn about() -> About {
         clips: ["stand_easy".into(), "step_and_clap_03".into()].to_vec(),
         beats_per_bar: 4,
         sources: Default::default(),
+        has_setup: false,
     }
 }
 

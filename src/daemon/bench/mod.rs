@@ -189,6 +189,7 @@ impl Bench {
             leds: None,
         };
         let end = EndCondition {
+            end_of_setup: None,
             stop: Arc::new(AtomicBool::new(false)),
             seconds: Some(Seconds(self.seconds)),
         };

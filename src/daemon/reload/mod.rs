@@ -7,11 +7,13 @@
 //! [`settling`] decides when a change is complete.
 
 mod apply;
+pub(super) mod edits;
 mod settling;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Duration;
+use std::sync::mpsc::{Receiver, Sender};
+use std::time::{Duration, Instant};
 
 use tracing::info;
 
@@ -23,10 +25,13 @@ use corybant_files::shown;
 
 pub(super) use apply::ReloadContext;
 use apply::{Applied, LiveSettings};
+use edits::{Edit, EditResult, EditSender};
 use settling::{Change, FileContent, Settling};
 
 /// Interval at which the show-file thread reads the show file.
 const POLL_INTERVAL: Duration = Duration::from_millis(500);
+/// Longest wait until the show thread has taken over the edit before.
+const READY_TIMEOUT: Duration = Duration::from_secs(1);
 /// Number of consecutive failed reads of the show file after which a warning appears. A single
 /// failed read is ignored, because an editor that replaces the file may remove it for a moment.
 const MISSING_POLLS: u32 = 2;
@@ -41,7 +46,8 @@ const ABOUT: &str = "show file";
 /// Handle of the show-file thread, which applies edits of the show file to the running show.
 /// Dropping the handle ends the thread.
 pub(super) struct Reload {
-    _worker: Worker,
+    worker: Worker,
+    edits: Sender<Edit>,
 }
 
 impl Reload {
@@ -67,7 +73,9 @@ impl Reload {
         let Ok(started) = read(&path, &text) else {
             return Ok(None);
         };
+        let (edits, waiting) = edits::edits();
         let watcher = ShowFileWatcher {
+            edits: waiting,
             path,
             file,
             settling: Settling::new(text),
@@ -75,7 +83,14 @@ impl Reload {
             live: LiveSettings::new(started, outputs, context),
         };
         let worker = Worker::start("show-file", move |stop| watcher.run(stop))?;
-        Ok(Some(Self { _worker: worker }))
+        Ok(Some(Self { worker, edits }))
+    }
+
+    /// Returns a sender of edits of the show file by the program itself; `None` only while the
+    /// show-file thread ends.
+    pub(super) fn edits(&self) -> Option<EditSender> {
+        let thread = self.worker.thread()?;
+        Some(EditSender::new(self.edits.clone(), thread.clone()))
     }
 }
 
@@ -86,6 +101,8 @@ fn read(path: &Path, text: &str) -> Result<Config, Vec<String>> {
 
 /// The state of the show-file thread.
 struct ShowFileWatcher {
+    /// Edits by the program itself that wait.
+    edits: Receiver<Edit>,
     path: PathBuf,
     file: Arc<ShowFile>,
     settling: Settling,
@@ -97,6 +114,9 @@ struct ShowFileWatcher {
 impl ShowFileWatcher {
     fn run(mut self, stop: &StopSignal) {
         while !stop.is_set() {
+            while let Ok(edit) = self.edits.try_recv() {
+                edit.reply(self.edit(&edit));
+            }
             self.poll();
             std::thread::park_timeout(POLL_INTERVAL);
         }
@@ -125,6 +145,27 @@ impl ShowFileWatcher {
                 }
             }
         }
+    }
+
+    /// Applies an edit by the program itself and writes it to the show file. The file stays as it is
+    /// if the running show cannot take the edit over.
+    fn edit(&mut self, edit: &Edit) -> EditResult {
+        let start = Instant::now();
+        while !self.live.context.changes.is_ready() && start.elapsed() < READY_TIMEOUT {
+            std::thread::park_timeout(Duration::from_millis(5));
+        }
+        let text = (edit.change)(&self.file.good()).map_err(|error| vec![error])?;
+        let config = Config::parse("the setup", &text).map_err(|error| error.problems)?;
+        let folder = self.path.parent().unwrap_or(Path::new(""));
+        let Applied { live, at_restart } = self.live.apply(config.in_folder(folder))?;
+        info!(
+            "the page has changed the setup; taken over: {}",
+            live.join(", ")
+        );
+        self.file
+            .change(|text| (edit.change)(text))
+            .map_err(|error| vec![error])?;
+        Ok(at_restart)
     }
 
     /// Reads the show file. The error is a sentence that says why it cannot be read.

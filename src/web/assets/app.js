@@ -7,6 +7,7 @@ import { makeLearn } from './learn.js';
 import { openLink } from './link.js';
 import { showMachine } from './machine.js';
 import { flash, makePads, onPress } from './pads.js';
+import { makeSetup } from './setup.js';
 import { makeWarnings } from './warnings.js';
 
 const SHOWN = { connecting: 'connecting', live: 'live', stalled: 'no data from the show', lost: 'no connection, reconnecting' };
@@ -34,6 +35,7 @@ const unsent = new Set();
 
 const learn = makeLearn($('learn'), send);
 const calibrate = makeCalibrate($('calibrate'), send);
+const setup = makeSetup($('setup'), $('open-setup'));
 const link = openLink(`ws://${location.host}/live`, {
   hello, state, connection, vitals, warnings: standing, error: ({ message }) => notice(message), learn: (answer) => learn.showAnswer(answer),
   kept: ({ message }) => calibrate.showMessage(message),
@@ -41,6 +43,7 @@ const link = openLink(`ws://${location.host}/live`, {
 
 function connection(now) {
   document.body.dataset.connection = now;
+  setup.connection(now);
   if (now === 'live') [...unsent].forEach(sendLift);
   $('connection').textContent = SHOWN[now];
 }
@@ -83,6 +86,7 @@ function notice(text) {
 
 function hello(message) {
   latest = null;
+  setup.hello(message);
   const text = JSON.stringify(message);
   if (text === aboutText) return;
   about = message;
@@ -203,6 +207,7 @@ function showMeters() {
   showSource();
   const db = Math.max(latest.db ?? -120, -120);
   const share = Math.min(Math.max(1 - db / LEVEL_DB_MIN, 0), 1);
+  setup.level(share, db);
   meter($('level'), share, db <= -100 ? 'silent' : `${db.toFixed(0)} dB`, Math.min(Math.max(db, LEVEL_DB_MIN), 0).toFixed(0));
   const peakDb = 20 * Math.log10(Math.max(latest.peak ?? 0, 1e-6));
   $('level').style.setProperty('--peak', Math.min(Math.max(1 - peakDb / LEVEL_DB_MIN, 0), 1).toFixed(3));
@@ -296,7 +301,7 @@ addEventListener('keydown', (event) => {
   if (event.key === 'Escape') {
     flash($('panic'));
     panic();
-  } else if (event.target.tagName !== 'SELECT') {
+  } else if (!event.target.matches('select, input')) {
     runShortcut(BRACKETS[event.code] ?? event.key);
   }
 });
