@@ -23,7 +23,7 @@
 //! | [`config`] | show files to checked settings; the settings that need a restart |
 //! | [`offline`] | rehearsal, replay, dance files, motion directories, the planner's benchmark |
 //! | [`editor`] | the editor page: a song, its cue list and the dance |
-//! | [`daemon`] | a live show: threads, start order, reload of the show file, recording, shutdown |
+//! | [`daemon`] | a live show: threads, start order, setup on the page, reload of the show file, recording, shutdown |
 //! | [`doctor`] | a page about the computer for reports of problems |
 //! | [`cli`] | the commands of the program |
 //!
@@ -46,6 +46,7 @@
 //! | `solver` | `daemon` | solve the planner's bounds on a large graph for the current music | delay the show |
 //! | `recorder` | `daemon` | write the show thread's ring buffer to the recording, wait for the disk | delay the show |
 //! | `show-file` | `daemon` | watch the show file, build what an edit changes, hand it to the show thread | delay the show |
+//! | `build` | `daemon` | build a graph from motion files that were uploaded to the page | use several cores, delay the show |
 //! | main | `daemon` | start and end the show; log, collect vitals, write recorded cues, report to systemd | delay the show |
 //! | workers (rayon's) | `offline`, `daemon` | read motions, build graphs, solve the first tables; one each for `solver` and `show-file` | use several cores during a show |
 //! | encode (unnamed) | `corybant_video` | send pictures to ffmpeg or write them, wait for the disk | run during a show |

@@ -49,12 +49,14 @@ fn response_head(mut stream: TcpStream, addr: SocketAddr) -> std::io::Result<Str
         "HEAD / HTTP/1.1\r\nHost: {addr}\r\nConnection: close\r\n\r\n"
     )?;
     let (mut bytes, mut block) = (Vec::new(), [0; 512]);
-    while bytes.len() < BYTES_MAX && !bytes.windows(4).any(|four| four == b"\r\n\r\n") {
+    let end = |bytes: &[u8]| bytes.windows(4).position(|four| four == b"\r\n\r\n");
+    while bytes.len() < BYTES_MAX && end(&bytes).is_none() {
         match stream.read(&mut block)? {
             0 => break,
             n => bytes.extend_from_slice(&block[..n]),
         }
     }
+    bytes.truncate(end(&bytes).unwrap_or(bytes.len()));
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 

@@ -22,6 +22,8 @@ mod reload;
 mod replay;
 mod service;
 mod stall;
+#[cfg(all(target_os = "linux", feature = "pipewire"))]
+mod start;
 mod tempo;
 mod top;
 mod vmc_receiver;

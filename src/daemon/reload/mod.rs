@@ -158,10 +158,9 @@ impl ShowFileWatcher {
         let config = Config::parse("the setup", &text).map_err(|error| error.problems)?;
         let folder = self.path.parent().unwrap_or(Path::new(""));
         let Applied { live, at_restart } = self.live.apply(config.in_folder(folder))?;
-        info!(
-            "the page has changed the setup; taken over: {}",
-            live.join(", ")
-        );
+        if !live.is_empty() {
+            info!("the page has changed {}", live.join(", "));
+        }
         self.file
             .change(|text| (edit.change)(text))
             .map_err(|error| vec![error])?;

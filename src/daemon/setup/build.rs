@@ -108,12 +108,11 @@ impl Setup {
             // A graph that stays behind is removed with the folder.
             let _ = std::fs::remove_file(self.folder.path().join(old));
         }
-        let (labels, clips) = (graph.labels.len(), graph.clips.len());
-        let plural = |n: usize| if n == 1 { "" } else { "s" };
+        let count = graph.labels.len();
+        let plural = if count == 1 { "" } else { "s" };
         Ok(format!(
-            "{labels} label{}, {clips} clip{} (with mirrored ones)",
-            plural(labels),
-            plural(clips)
+            "{count} label{plural}: {}",
+            graph.labels.join(", ")
         ))
     }
 }

@@ -18,7 +18,8 @@ pub struct Renderer {
     pub kind: Kind,
     /// Usual receiver on this machine, `HOST:PORT`.
     pub to: &'static str,
-    /// What the user switches on in the program, one or two sentences.
+    /// What the user switches on in the program, one or two sentences. `{port}` stands for the port
+    /// of the receiver.
     pub hint: &'static str,
 }
 
@@ -39,21 +40,21 @@ pub const RENDERERS: &[Renderer] = &[
         name: "VSeeFace",
         kind: Kind::Vmc,
         to: VMC,
-        hint: "In the general settings, switch on the OSC/VMC receiver and set its port to 39539.",
+        hint: "In the general settings, switch on the OSC/VMC receiver and set its port to {port}.",
     },
     Renderer {
         id: "warudo",
         name: "Warudo",
         kind: Kind::Vmc,
         to: VMC,
-        hint: "Choose VirtualMotionCapture (VMC) as the motion capture of your character, with the port 39539.",
+        hint: "Choose VirtualMotionCapture (VMC) as the motion capture of your character, with the port {port}.",
     },
     Renderer {
         id: "vmagicmirror",
         name: "VMagicMirror",
         kind: Kind::Vmc,
         to: VMC,
-        hint: "In the VMCP tab of the settings, switch on VMC Protocol, set a source to the port 39539, and apply.",
+        hint: "In the VMCP tab of the settings, switch on VMC Protocol, set a source to the port {port}, and apply.",
     },
     Renderer {
         id: "vrchat",
@@ -67,42 +68,42 @@ pub const RENDERERS: &[Renderer] = &[
         name: "Unity",
         kind: Kind::Vmc,
         to: VMC,
-        hint: "Add EVMC4U to the scene, give its receiver your model and the port 39539, and press Play.",
+        hint: "Add EVMC4U to the scene, give its receiver your model and the port {port}, and press Play.",
     },
     Renderer {
         id: "unreal",
         name: "Unreal Engine",
         kind: Kind::Vmc,
         to: VMC,
-        hint: "Add the plug-in VMC4UE to the project and receive on the port 39539.",
+        hint: "Add the plug-in VMC4UE to the project and receive on the port {port}.",
     },
     Renderer {
         id: "blender",
         name: "Blender",
         kind: Kind::Vmc,
         to: VMC,
-        hint: "Install the add-on VMC4B, choose your armature, set the port to 39539, and connect.",
+        hint: "Install the add-on VMC4B, choose your armature, set the port to {port}, and connect.",
     },
     Renderer {
         id: "godot",
         name: "Godot",
         kind: Kind::Vmc,
         to: VMC,
-        hint: "Add a VMC tracker add-on to the project and receive on the port 39539.",
+        hint: "Add a VMC tracker add-on to the project and receive on the port {port}.",
     },
     Renderer {
         id: "touchdesigner",
         name: "TouchDesigner",
         kind: Kind::Plain,
         to: PLAIN,
-        hint: "Add an OSC In CHOP with the network port 10000. Each joint has seven channels: position and quaternion.",
+        hint: "Add an OSC In CHOP with the network port {port}. Each joint has seven channels: position and quaternion.",
     },
     Renderer {
         id: "max",
         name: "Max",
         kind: Kind::Plain,
         to: PLAIN,
-        hint: "Add the object [udpreceive 10000]. Each joint is a message: position and quaternion.",
+        hint: "Add the object [udpreceive {port}]. Each joint is a message: position and quaternion.",
     },
     Renderer {
         id: "other-vmc",

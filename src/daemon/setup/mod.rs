@@ -139,7 +139,7 @@ impl Setup {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes note that a show runs. `edits` changes its show file; `page` is the network address of
+    /// Stores that a show runs. `edits` changes its show file; `page` is the network address of
     /// its page. Opens the page in a browser after the first start.
     pub(super) fn show_started(&self, edits: Option<EditSender>, page: Option<SocketAddr>) {
         let text = self.text().ok();
@@ -182,7 +182,7 @@ impl Setup {
         std::mem::take(&mut state.next) == Next::Start
     }
 
-    /// Takes note that the show could not start, for the reason `why`. Restores the settings of the
+    /// Restores, after a show that could not start for the reason `why`, the settings of the
     /// last show that has started. Returns false if there are no other settings.
     pub fn restore(&self, why: &str) -> bool {
         let Some(good) = self.state().started_text.take() else {

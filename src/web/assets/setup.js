@@ -80,24 +80,25 @@ export function makeSetup(panel, opener) {
     const group = (label, kind, sign) => {
       const options = all.filter((input) => input.kind === kind).map(({ value, name, host, free }) => {
         const about = [host && inputs.filter((other) => other.name === name).length > 1 && host, free === false && 'in use'].filter(Boolean);
-        return new Option(`${sign} ${name}${about.length ? ` (${about.join(', ')})` : ''}`, value);
+        return new Option(`${sign}${name}${about.length ? ` (${about.join(', ')})` : ''}`, value);
       });
       const element = Object.assign(document.createElement('optgroup'), { label });
       element.append(...options);
       return options.length ? [element] : [];
     };
-    part('input').replaceChildren(...group('What the computer plays', 'computer', '\u{1F50A}'), ...group('Microphones and other inputs', 'input', '\u{1F3A4}'));
+    part('input').replaceChildren(...group('What the computer plays', 'computer', '\u266A '), ...group('Microphones and other inputs', 'input', ''));
     part('input').value = state.input;
   }
 
   function showRenderers() {
     if (!part('renderer').options.length) {
-      const none = new Option('choose the program that shows your character', '');
+      const none = new Option('choose your program', '');
       part('renderer').replaceChildren(none, ...state.renderers.map(({ id, name }) => new Option(name, id)));
     }
     part('renderer').value = state.renderer ?? '';
     const chosen = state.renderers.find(({ id }) => id === state.renderer);
-    say('hint', chosen ? chosen.hint : '');
+    const port = state.output.to.split(':').pop();
+    say('hint', chosen ? chosen.hint.replaceAll('{port}', port) : '');
     if (document.activeElement !== part('to')) part('to').value = state.output.to;
     say('sent', state.output.kind ? `The poses go to ${state.output.to} (${state.output.kind}).` : '');
   }
@@ -177,6 +178,7 @@ export function makeSetup(panel, opener) {
         refused.push(error.message);
       }
     }
+    part('label').value = '';
     const built = found.length > refused.length && await attempt('built', () => change('POST', 'build'));
     if (built) poll();
     if (refused.length) say('problem', refused.join(' '), true);
@@ -205,6 +207,7 @@ export function makeSetup(panel, opener) {
     setOpen(false);
     opener.focus();
   });
+  part('pads').addEventListener('click', () => setOpen(false));
   part('input').addEventListener('change', async () => {
     say('sound', 'opening the input');
     const wanted = part('input').value;

@@ -71,7 +71,14 @@ fn dance(config: &Config, edited: Option<&Config>, late: Option<u32>) -> [Vec<u3
     for tick in 0..SECONDS * TICK_HZ {
         if let Some(edited) = edited.filter(|_| tick == EDITED) {
             assert_eq!(
-                later(config, edited, Reach { plan: true }),
+                later(
+                    config,
+                    edited,
+                    Reach {
+                        plan: true,
+                        input: true
+                    }
+                ),
                 [""; 0],
                 "no setting needs a restart"
             );
