@@ -48,6 +48,7 @@ fn start_or_open() -> Outcome {
             outcome => outcome?,
         }
         if !setup.must_start_again() {
+            setup.remove_files();
             return Ok(());
         }
     }

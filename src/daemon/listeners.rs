@@ -67,12 +67,13 @@ impl Listeners {
     /// [`DaemonError`] of the first listener that cannot be opened.
     pub(super) fn open(
         config: &Config,
-        about: About,
+        mut about: About,
         snapshots: triple_buffer::Output<Snapshot>,
         watchers: &mut Watchers,
         context: &ListenerContext,
     ) -> Result<(Self, LedPublisher), DaemonError> {
         let (cues, faults) = (&context.cues, &context.faults);
+        about.has_setup = context.setup.is_some();
         let surfaces = Surfaces::open(config, &about, context, watchers)?;
         let (midi, leds) = DeviceManager::start(
             &config.midi,

@@ -242,8 +242,7 @@ fn start<'a>(
         inputs.faults.clone(),
     )?;
     let (snapshots, page_snapshots) = Snapshot::channel(show.graph(0).skeleton.len());
-    let mut about = About::new(show.graph(0), cast.pads(), &config.tempo);
-    about.has_setup = inputs.setup.is_some();
+    let about = About::new(show.graph(0), cast.pads(), &config.tempo);
     let mut watchers = Watchers::new(snapshots);
     let context = ListenerContext {
         calibration: calibration(config, &inputs.samples, &outputs),

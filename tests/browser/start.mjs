@@ -90,6 +90,10 @@ await promise('a renderer gets the poses at the address that is written', async 
   await part('renderer').selectOption('warudo');
   check((await part('to').inputValue()) === '127.0.0.1:39539', await part('to').inputValue());
   await saying('hint', 'VirtualMotionCapture');
+  if (shots) {
+    await part('folder').fill('/home/me/Documents/Corybant');
+    await page.screenshot({ path: `${shots}/setup.png` });
+  }
   await part('to').fill('127.0.0.1');
   await part('send').click();
   await saying('sent', 'must be HOST:PORT');
@@ -97,7 +101,6 @@ await promise('a renderer gets the poses at the address that is written', async 
   await part('to').press('Enter');
   await saying('sent', `127.0.0.1:${port} (vmc)`);
   await saying('hint', `port ${port}`);
-  if (shots) await page.screenshot({ path: `${shots}/setup.png` });
 });
 
 await promise('keys in a text field hit no pad, and every control can be reached by keyboard', async () => {

@@ -173,6 +173,12 @@ impl Setup {
         );
     }
 
+    /// Removes the files of the setup at the end of the program, also if a build still uses them.
+    pub fn remove_files(&self) {
+        // What cannot be removed stays in the system's folder for temporary files.
+        let _ = std::fs::remove_dir_all(self.folder.path());
+    }
+
     /// Returns true if the show must start again with changed settings, and false if the program
     /// ends. Call it after the end of a show.
     pub fn must_start_again(&self) -> bool {

@@ -51,8 +51,8 @@ struct Shared {
     uploads: Arc<Semaphore>,
 }
 
-/// A refused request: status and sentence.
-type Refusal = (StatusCode, String);
+/// Reason for a refused request: status and sentence.
+type RequestError = (StatusCode, String);
 
 /// Returns the router of the requests that change `setup`.
 pub(super) fn router(setup: Arc<Setup>) -> Router {
@@ -82,7 +82,7 @@ pub(super) fn router(setup: Arc<Setup>) -> Router {
 /// Runs `work` on a thread that may wait, and returns its result as a response.
 async fn respond(
     shared: Shared,
-    work: impl FnOnce(&Arc<Setup>) -> Result<Value, Refusal> + Send + 'static,
+    work: impl FnOnce(&Arc<Setup>) -> Result<Value, RequestError> + Send + 'static,
 ) -> Response {
     match spawn_blocking(move || work(&shared.setup)).await {
         Ok(Ok(value)) => ([JSON], value.to_string()).into_response(),
@@ -105,7 +105,7 @@ async fn answer(
     .await
 }
 
-fn unprocessable(message: String) -> Refusal {
+fn unprocessable(message: String) -> RequestError {
     (StatusCode::UNPROCESSABLE_ENTITY, message)
 }
 
