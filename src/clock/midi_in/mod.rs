@@ -1,7 +1,7 @@
 //! MIDI clock input: the beat of another machine. In: a MIDI port of the system (ALSA, CoreMIDI,
 //! WinMM) or of JACK. Out: tempo messages for pulses and transport, with their arrival times.
 //!
-//! Thread: the system's or JACK's own. Real-time: yes, after [`open`]. The port is independent of
+//! Thread: the system's or JACK's own. Real-time: yes, after [`open()`]. The port is independent of
 //! the ports of `[[midi]]`; its notes are ignored.
 
 use std::sync::Arc;
