@@ -123,6 +123,32 @@ await promise('keys in a text field hit no pad, and every control can be reached
   await page.waitForSelector('#setup:not([hidden])');
 });
 
+await promise('the files of dropped folders get the names of their folders as labels', async () => {
+  const labels = await page.evaluate(async () => {
+    const { droppedFiles, labelOf } = await import('/upload.js');
+    const file = (name) => ({ isFile: true, name, file: (done) => done(new File(['x'], name)) });
+    // As a browser does, a reader gives the entries in parts and ends with an empty part.
+    const folder = (name, ...entries) => ({
+      isDirectory: true,
+      name,
+      createReader() {
+        const parts = [entries.slice(0, 1), entries.slice(1), []].filter((part, i) => part.length || i === 2);
+        return { readEntries: (done) => done(parts.shift()) };
+      },
+    });
+    const dropped = [
+      folder('MOTIONS', folder('hip hop', file('a.bvh'), file('.hidden')), folder('salsa 2', folder('deep', file('b.glb')), file('c.bvh'))),
+      folder('twist', file('d.bvh')),
+      file('jump_03.vrma'),
+      file('12.bvh'),
+    ];
+    const found = await droppedFiles({ items: dropped.map((entry) => ({ webkitGetAsEntry: () => entry })), files: [] });
+    return found.map(({ file: { name }, folders }) => `${name}: ${labelOf({ name }, folders)}`);
+  });
+  const wanted = ['a.bvh: hip hop', 'b.glb: salsa', 'c.bvh: salsa', 'd.bvh: twist', 'jump_03.vrma: jump', '12.bvh: dance'];
+  check(labels.join() === wanted.join(), labels.join());
+});
+
 await promise('dropped and chosen motions are built; a broken file is named', async () => {
   await page.evaluate(([good, broken]) => {
     const transfer = new DataTransfer();

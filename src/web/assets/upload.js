@@ -24,16 +24,16 @@ async function entriesOf(folder) {
   }
 }
 
-/** Adds the files below `entry` to `found`. A folder of folders is a motion folder: its folders are the labels. */
-async function walk(entry, folders, found) {
+/** Adds the files below `entry` to `found`. A dropped folder (`isTop`) of folders is a motion folder: its folders are the labels. */
+async function walk(entry, folders, found, isTop) {
   if (entry.isFile) {
     const file = await new Promise((done, fail) => entry.file(done, fail));
     found.push({ file, folders });
     return;
   }
   const entries = await entriesOf(entry);
-  const isMotionFolder = !folders.length && entries.some((inner) => inner.isDirectory);
-  for (const inner of entries) await walk(inner, isMotionFolder ? folders : [...folders, entry.name], found);
+  const isMotionFolder = isTop && entries.some((inner) => inner.isDirectory);
+  for (const inner of entries) await walk(inner, isMotionFolder ? folders : [...folders, entry.name], found, false);
 }
 
 /** The files of a drop, each with the names of its folders; hidden files are left out. */
@@ -41,6 +41,6 @@ export async function droppedFiles(transfer) {
   const entries = [...transfer.items].map((item) => item.webkitGetAsEntry?.()).filter(Boolean);
   if (!entries.length) return [...transfer.files].map((file) => ({ file, folders: [] }));
   const found = [];
-  for (const entry of entries) await walk(entry, [], found);
+  for (const entry of entries) await walk(entry, [], found, true);
   return found.filter(({ file }) => !file.name.startsWith('.'));
 }
