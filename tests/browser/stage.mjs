@@ -75,7 +75,7 @@ await promise('latency and offset are adjusted and saved', async () => {
   await laptop.click('[data-part="keep"]');
   await laptop.waitForFunction(() => document.querySelector('[data-part="said"]').textContent === 'kept in the show file');
   if (process.argv[3]) await laptop.screenshot({ path: `${process.argv[3]}/calibrate.png` });
-  await laptop.click('[data-part="close"]');
+  await laptop.click('#calibrate [data-part="close"]');
 });
 
 await promise('after a restart of the show, both pages reconnect', async () => {
