@@ -125,7 +125,6 @@ impl VitalsCollector {
         self.vitals.input_latency_ms = self.calibration.input_latency_ms();
         let elapsed = now.duration_since(std::mem::replace(&mut self.collected, now));
         let sound = self.calibration.take_sound();
-        self.vitals.loopback = self.calibration.is_loopback();
         self.vitals.input = self.diagnosis.update(elapsed, &sound, self.mix);
         self.vitals.channels = sound.channels;
         let (osc, midi) = (

@@ -24,8 +24,6 @@ pub struct Vitals {
     /// The configured latency of the audio input, milliseconds; `None` if the sound comes from a
     /// file.
     pub input_latency_ms: Option<f64>,
-    /// True if the audio input is what the computer plays (loopback).
-    pub loopback: bool,
     /// Level of each channel of the audio input; empty if no device is open.
     pub channels: Vec<ChannelLevel>,
     /// Current problems of the sound of the audio input.
@@ -65,8 +63,7 @@ impl Vitals {
     /// Returns the message to clients with these vitals, as one line of JSON.
     ///
     /// `{"type":"vitals","late_ms_p50":x,"late_ms_p99":x,"late_ms_max":x,"missed":n,
-    /// "input_latency_ms":x|null,"loopback":bool,
-    /// "channels":[{"peak":0..,"clipped":bool,"chosen":bool},…],
+    /// "input_latency_ms":x|null,"channels":[{"peak":0..,"clipped":bool,"chosen":bool},…],
     /// "input":[{"kind":"silence","text":"the input …","past":"the input was …"},…],
     /// "outputs":[{"kind":"vmc","to":"HOST:PORT","offset_ms":x,"sent":n per second,"failed":n},…],
     /// "osc":"/cue/salsa 1"|null,"midi":"note 36

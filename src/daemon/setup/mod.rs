@@ -18,6 +18,7 @@ mod save;
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
 use std::path::{Path, PathBuf};
+use std::process::Stdio;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -304,7 +305,26 @@ pub fn page_address(text: Option<&str>) -> Result<SocketAddr, String> {
 /// # Errors
 /// The reason why no browser starts.
 pub fn open_in_browser(link: &str) -> Result<(), String> {
-    open::that_detached(link).map_err(|error| error.to_string())
+    let mut reason = String::from("this system has no command that opens a browser");
+    for mut command in open::commands(link) {
+        // The browser's own sound must not appear as Corybant's in PipeWire.
+        #[cfg(all(target_os = "linux", feature = "pipewire"))]
+        command.env_remove(crate::rt::system::streams::STREAM_PROPERTIES);
+        command.stdin(Stdio::null());
+        command.stdout(Stdio::null()).stderr(Stdio::null());
+        // Ctrl-C in the terminal must not reach the browser.
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
+        match command.spawn() {
+            Ok(mut browser) => {
+                // Some commands stay until the browser ends.
+                std::thread::spawn(move || browser.wait());
+                return Ok(());
+            }
+            Err(error) => reason = error.to_string(),
+        }
+    }
+    Err(reason)
 }
 
 /// Returns the first port in `ports` on which no other program of this machine receives UDP; the

@@ -9,7 +9,7 @@
 use std::fs::read_dir;
 
 /// The environment variable with more properties of each stream.
-const VARIABLE: &str = "PIPEWIRE_PROPS";
+pub(crate) const STREAM_PROPERTIES: &str = "PIPEWIRE_PROPS";
 /// Properties of the streams, in the notation of PipeWire.
 const PROPERTIES: &str =
     "{ node.description = Corybant, media.name = music, media.role = Production }";
@@ -17,12 +17,12 @@ const PROPERTIES: &str =
 /// Names the audio streams that this process opens later. Keeps properties that the user has set.
 /// Does nothing if the process has other threads already.
 pub(crate) fn name_audio_streams() {
-    if std::env::var_os(VARIABLE).is_some() || !is_only_thread() {
+    if std::env::var_os(STREAM_PROPERTIES).is_some() || !is_only_thread() {
         return;
     }
     // SAFETY: no other thread exists that could read or change the environment at the same time,
     // and this thread does neither during the call.
-    unsafe { std::env::set_var(VARIABLE, PROPERTIES) };
+    unsafe { std::env::set_var(STREAM_PROPERTIES, PROPERTIES) };
 }
 
 /// Returns true if the current thread is the only one of this process.
@@ -36,13 +36,13 @@ mod tests {
 
     #[test]
     fn the_environment_of_a_process_with_threads_is_not_changed() {
-        let before = std::env::var_os(VARIABLE);
+        let before = std::env::var_os(STREAM_PROPERTIES);
         std::thread::scope(|scope| {
             scope.spawn(|| {
                 assert!(!is_only_thread());
                 name_audio_streams();
             });
         });
-        assert_eq!(std::env::var_os(VARIABLE), before);
+        assert_eq!(std::env::var_os(STREAM_PROPERTIES), before);
     }
 }

@@ -106,7 +106,6 @@ function standing({ warnings: list }) {
 }
 
 function vitals(message) {
-  if (about) about.loopback = message.loopback;
   showMachine(message);
   calibrate.vitals(message);
   warnings.update(message.input);
