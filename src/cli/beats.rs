@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::audio::file;
+use corybant_core::beat::bar_length::BarLength;
 use corybant_core::beat::offline;
 use corybant_core::beat::tracker::{BeatSource, BeatTracker, TrackerSettings};
 use corybant_core::beat::tsv::{write_beats, write_whole};
@@ -17,9 +18,12 @@ pub(super) struct BeatsArgs {
     /// Beat tracker: net, flux or aubio [default: net]
     #[arg(long, value_name = "NAME")]
     tracker: Option<String>,
-    /// Also print each beat's place in its bar, from 1
+    /// Also print each beat's place in its bar, from 1, and the number of beats in the bar
     #[arg(long)]
     bars: bool,
+    /// Beats per bar: auto, 2, 3 or 4 [default: auto]
+    #[arg(long, value_name = "N")]
+    beats_per_bar: Option<BarLength>,
     /// Analyse the whole file, instead of predicting beats as in a live show
     #[arg(long)]
     whole: bool,
@@ -35,6 +39,9 @@ pub(super) fn beats(args: &BeatsArgs) -> Outcome {
     let mut settings = TrackerSettings::default();
     if let Some(name) = &args.tracker {
         settings.tracker = name.parse()?;
+    }
+    if let Some(length) = args.beats_per_bar {
+        settings.beats_per_bar = length;
     }
     let sound = file::decode(&args.audio)?;
     let mut out = std::io::stdout().lock();

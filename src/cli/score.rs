@@ -64,7 +64,7 @@ pub(super) fn score(args: &ScoreArgs) -> Outcome {
     let song = Song::new(
         &args.song.audio,
         sound.samples.clone(),
-        grid(&song_beats, counted, config.tempo.beats_per_bar),
+        grid(&song_beats, counted),
     );
     let (labels, thumbs) = (cast.pads().to_vec(), thumbs::thumbs(&cast));
     let SongBeats {
@@ -161,18 +161,24 @@ fn in_file(path: &Path, error: &CueFileError) -> String {
     }
 }
 
-fn grid(song_beats: &SongBeats, cue_beats: usize, beats_per_bar: u32) -> Grid {
+fn grid(song_beats: &SongBeats, cue_beats: usize) -> Grid {
     let times = song_beats.beats.iter().map(|beat| beat.time).collect();
     let bars = song_beats
         .beats
         .iter()
         .map(|beat| beat.bar_position)
         .collect();
+    let mut lengths: Vec<u32> = song_beats
+        .beats
+        .iter()
+        .map(|beat| beat.beats_per_bar)
+        .collect();
+    lengths.sort_unstable();
     Grid {
         times,
         bars,
         counted_from: song_beats.counted_from,
         cue_beats,
-        beats_per_bar,
+        beats_per_bar: lengths.get(lengths.len() / 2).copied().unwrap_or(1),
     }
 }

@@ -61,7 +61,7 @@ pub fn join(
     let thread = LinkThread {
         link,
         state: SessionState::new(),
-        quantum: f64::from(settings.beats_per_bar),
+        quantum: f64::from(settings.beats_per_bar.initial()),
         leads: settings.link == LinkRole::Lead,
         queue,
         tempo_state,
@@ -104,7 +104,7 @@ impl Reading {
 struct LinkThread {
     link: AblLink,
     state: SessionState,
-    /// Number of beats in a bar.
+    /// Number of beats in a bar of a show that follows the session.
     quantum: f64,
     /// True if the show leads: it may set the tempo and beat of the session.
     leads: bool,
@@ -177,7 +177,6 @@ impl LinkThread {
             return;
         };
         let session_bpm = self.state.tempo();
-        let session_beat = self.state.beat_at_time(micros, self.quantum);
         if tempo_state.source == TempoSource::Link {
             let (request, bpm) = tempo_state.link_request;
             if request != self.last_request {
@@ -191,15 +190,16 @@ impl LinkThread {
             return;
         }
         let (bpm, beat) = show_tempo(&tempo_state, now);
-        let deviation = (session_beat - beat + self.quantum / 2.0).rem_euclid(self.quantum)
-            - self.quantum / 2.0;
+        let bar = f64::from(tempo_state.timeline.beats_per_bar());
+        let session_beat = self.state.beat_at_time(micros, bar);
+        let deviation = (session_beat - beat + bar / 2.0).rem_euclid(bar) - bar / 2.0;
         let correct_tempo = (session_bpm / bpm - 1.0).abs() > TEMPO_RATIO_MAX;
         let correct_phase = (deviation * 60.0 / bpm).abs() > PHASE_MAX_S;
         if correct_tempo {
             self.state.set_tempo(bpm, micros);
         }
         if correct_phase {
-            self.state.force_beat_at_time(beat, micros, self.quantum);
+            self.state.force_beat_at_time(beat, micros, bar);
         }
         if correct_tempo || correct_phase {
             self.corrected_at = Instant::now();

@@ -55,12 +55,10 @@ impl PreviewJob {
         stop: &AtomicBool,
         progress: &mut dyn FnMut(f64),
     ) -> Result<Option<Vec<Dance>>, String> {
-        let beats_per_bar = self.settings.tempo.beats_per_bar;
         let song = Song {
             beats: &self.beats,
             first: self.first,
             counted_from: self.counted_from,
-            beats_per_bar,
         };
         let scripts = script::write(&self.cast, &self.settings.plan, &song, cues, &mut |done| {
             progress(PLANNING_SHARE * done)

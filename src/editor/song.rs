@@ -24,7 +24,7 @@ pub struct Grid {
     pub counted_from: usize,
     /// Number of beats of the song on which cues can start.
     pub cue_beats: usize,
-    /// Number of beats in a bar.
+    /// Number of beats in most bars.
     pub beats_per_bar: u32,
 }
 

@@ -75,15 +75,15 @@ fn tempo(view: &ShowView, state: &State, now: Duration) -> Line<'static> {
         format!("{bpm:>6} bpm").bold(),
         "  ".into(),
     ];
-    let position = view.bar_position(now);
-    for beat in 0..view.hello.beats_per_bar.max(1) {
+    let (position, per_bar) = (view.bar_position(now), state.beats_per_bar.max(1));
+    for beat in 0..per_bar {
         spans.push(match (beat == position, beat) {
             (true, 0) => "█ ".light_cyan(),
             (true, _) => "█ ".white(),
             (false, _) => "░ ".dim(),
         });
     }
-    spans.push(format!(" {} of {}", position + 1, view.hello.beats_per_bar.max(1)).into());
+    spans.push(format!(" {} of {per_bar}", position + 1).into());
     let confidence = (100.0 * state.confidence.unwrap_or(0.0)).round();
     spans.push(format!("   {}, confidence {confidence} %", state.source).into());
     if state.source == "link" {
@@ -199,7 +199,7 @@ fn waiting(view: &ShowView, state: &State) -> Line<'static> {
 /// Returns a line of text with the label that is planned for each coming beat. A thick vertical bar
 /// marks a beat that is the first of its bar.
 fn ahead(view: &ShowView, state: &State) -> Line<'static> {
-    let per_bar = view.hello.beats_per_bar.max(1);
+    let per_bar = state.beats_per_bar.max(1);
     let mut spans = vec![caption("ahead")];
     for (i, label) in (1..).zip(&state.ahead) {
         let is_downbeat = (state.bar + i).is_multiple_of(per_bar);

@@ -42,8 +42,6 @@ pub struct Hello {
     pub labels: Vec<String>,
     /// Name of each clip, indexed by clip number.
     pub clips: Vec<String>,
-    /// Number of beats per bar.
-    pub beats_per_bar: u32,
     /// Names of the tempo sources that the user can choose.
     pub sources: Vec<String>,
 }
@@ -61,6 +59,8 @@ pub struct State {
     pub beat: Option<f64>,
     /// Position of the current beat in its bar, from 0 for the downbeat.
     pub bar: u32,
+    /// Number of beats in the current bar; 0 if the show does not report it.
+    pub beats_per_bar: u32,
     /// Tempo, beats per minute; `None` if it was not finite.
     pub bpm: Option<f64>,
     /// Name of the selected tempo source (where the beats come from), such as `audio`.
@@ -181,13 +181,12 @@ mod tests {
     fn messages_of_the_page_are_parsed() {
         let about = web::About {
             labels: vec!["salsa".into()],
-            beats_per_bar: 4,
             ..web::About::default()
         };
         let Message::Hello(hello) = read(&about.to_json()) else {
             panic!()
         };
-        assert_eq!((hello.labels, hello.beats_per_bar), (about.labels, 4));
+        assert_eq!(hello.labels, about.labels);
         let mut snapshot = web::Snapshot::new(2);
         (
             snapshot.status.bpm,

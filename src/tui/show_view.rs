@@ -242,7 +242,7 @@ impl ShowView {
             return 0;
         };
         let elapsed_beats = self.beat(now).floor() - state.beat.unwrap_or(0.0).floor();
-        (state.bar + elapsed_beats as u32) % self.hello.beats_per_bar.max(1)
+        (state.bar + elapsed_beats as u32) % state.beats_per_bar.max(1)
     }
 
     /// Returns the message to the show for a press of the pad with the index `pad`; `None` if there

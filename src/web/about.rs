@@ -20,8 +20,6 @@ pub struct About {
     pub labels: Vec<String>,
     /// Name of each clip, indexed by clip number.
     pub clips: Vec<String>,
-    /// Number of beats per bar, at least 1. Beat 0 is a downbeat.
-    pub beats_per_bar: u32,
     /// Tempo sources that a client of the page can select.
     pub sources: Sources,
     /// True if the page can set up the show.
@@ -38,20 +36,18 @@ struct Hello<'a> {
     ends: Vec<Vec<[f32; 3]>>,
     labels: &'a [String],
     clips: &'a [String],
-    beats_per_bar: u32,
     sources: Vec<&'static str>,
     setup: bool,
 }
 
 impl About {
     /// Creates the static data of a show. `graph` is the motion graph of the first dancer and
-    /// `labels` are the names of the pads. `tempo` gives the beats per bar and the tempo sources.
+    /// `labels` are the names of the pads. `tempo` gives the tempo sources.
     pub fn new(graph: &Graph, labels: &[String], tempo: &Settings) -> Self {
         Self {
             skeleton: graph.skeleton.clone(),
             labels: labels.to_vec(),
             clips: graph.clips.iter().map(|clip| clip.name.clone()).collect(),
-            beats_per_bar: tempo.beats_per_bar,
             sources: tempo.sources(),
             has_setup: false,
         }
@@ -60,8 +56,8 @@ impl About {
     /// Returns the first message to every client, as one line of JSON.
     ///
     /// `{"type":"hello","joints":[name,…],"parents":[index|null,…],"offsets":[[x,y,z],…],"ends":
-    /// [[[x,y,z],…],…],"labels":[name,…], "clips":[name,…],"beats_per_bar":4,"sources":["audio"
-    /// ,…],"setup":false}`. Lengths are in metres. `ends` has, for each joint, the end points of its bones that
+    /// [[[x,y,z],…],…],"labels":[name,…], "clips":[name,…],"sources":["audio",…],"setup":false}`.
+    /// Lengths are in metres. `ends` has, for each joint, the end points of its bones that
     /// lead to no other joint (such as a fingertip), relative to this joint.
     pub fn to_json(&self) -> String {
         let joints = &self.skeleton.joints;
@@ -76,7 +72,6 @@ impl About {
                 .collect(),
             labels: &self.labels,
             clips: &self.clips,
-            beats_per_bar: self.beats_per_bar.max(1),
             sources: self.sources.iter().map(TempoSource::name).collect(),
             setup: self.has_setup,
         };

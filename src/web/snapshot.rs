@@ -46,7 +46,7 @@ impl Snapshot {
     /// Returns the message to clients with this snapshot and the counts in `faults`, as one line of
     /// JSON.
     ///
-    /// `{"type":"state","t":s,"beat":b,"bar":0..,"bpm":x,"source":"audio",
+    /// `{"type":"state","t":s,"beat":b,"bar":0..,"beats_per_bar":4,"bpm":x,"source":"audio",
     /// "source_state":"waiting|alive|stopped|lost","frozen":bool,"peers":n,
     /// "confidence":0..1,"energy":0..1,"intensity":0..1|null,"db":dBFS,"peak":0..1,
     /// "clipped":bool,"hum":Hz|0,"music":bool,"held":bool,"clip":index,
@@ -62,6 +62,7 @@ impl Snapshot {
             t: rounded(status.time, 1e3),
             beat: rounded(status.beat, 1e4),
             bar: status.bar_position,
+            beats_per_bar: status.beats_per_bar,
             bpm: rounded(status.bpm, 1e2),
             source: status.source.name(),
             source_state: status.source_state.name(),
@@ -112,6 +113,7 @@ struct Message<'a> {
     t: f64,
     beat: f64,
     bar: u32,
+    beats_per_bar: u32,
     bpm: f64,
     source: &'static str,
     source_state: &'static str,
@@ -188,6 +190,7 @@ mod tests {
         let mut status = Status {
             beat,
             bar_position,
+            beats_per_bar: 3,
             bpm,
             energy,
             attribute: Attribute::Label(3),
@@ -220,6 +223,7 @@ mod tests {
         assert_eq!(json["beat"], 17.25);
         assert_eq!(json["intensity"], 0.25);
         assert_eq!((&json["bpm"], &json["bar"]), (&128.0.into(), &1.into()));
+        assert_eq!(json["beats_per_bar"], 3);
         assert!((json["energy"].as_f64().unwrap() - 0.625).abs() < 1e-6);
         assert_eq!(
             (&json["label"], &json["idle"], &json["clip"]),

@@ -227,7 +227,8 @@ fn the_program_prints_them_in_the_format_of_live_beats() {
         .collect();
     assert!((20..=26).contains(&lines.len()), "{text}");
     assert!(
-        lines.iter().all(|line| line.len() == 5
+        lines.iter().all(|line| line.len() == 6
+            && line[5] == 4.0
             && (line[1] - 12.0).abs() < 0.02
             && (line[2] - 120.0).abs() < 6.0),
         "{text}"

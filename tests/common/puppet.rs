@@ -77,7 +77,6 @@ pub fn about() -> About {
         },
         labels: LABELS.map(String::from).to_vec(),
         clips: ["stand_easy".into(), "step_and_clap_03".into()].to_vec(),
-        beats_per_bar: 4,
         sources: Default::default(),
         has_setup: false,
     }

@@ -33,12 +33,12 @@ fn process(view: &mut ShowView, message: &Value, at_ms: u64) {
 }
 
 fn hello() -> Value {
-    json!({ "type": "hello", "labels": ["salsa", "pop", "kung fu"], "clips": ["walk", "turn"], "beats_per_bar": 4, "sources": ["audio", "link"] })
+    json!({ "type": "hello", "labels": ["salsa", "pop", "kung fu"], "clips": ["walk", "turn"], "sources": ["audio", "link"] })
 }
 
 fn state() -> Value {
     json!({
-        "type": "state", "t": 1.0, "beat": 17.0, "bar": 1, "bpm": 128.0, "source": "link", "source_state": "alive", "frozen": false, "peers": 2,
+        "type": "state", "t": 1.0, "beat": 17.0, "bar": 1, "beats_per_bar": 4, "bpm": 128.0, "source": "link", "source_state": "alive", "frozen": false, "peers": 2,
         "confidence": 0.92, "energy": 0.6, "intensity": null, "db": -12.0, "peak": 0.5, "clipped": false, "hum": 0, "music": true, "held": true,
         "clip": 0, "label": 0, "idle": false, "next": 1, "ahead": [0, 0, 1, 1, null, -1, -1, -1],
         "queue": [[0, true, 2], [1, false, 8], [2, false, 1]], "root": [0, 0, 0], "rot": [], "faults": { "late ticks": 3 },

@@ -41,6 +41,7 @@ mod tests {
         Beat {
             time,
             bar_position,
+            beats_per_bar: 4,
             confidence: 1.0,
             energy: 1.0,
             music,

@@ -129,7 +129,6 @@ fn plan(
         beats: &song_beats.beats,
         first: song_beats.first,
         counted_from: song_beats.counted_from,
-        beats_per_bar: config.tempo.beats_per_bar,
     };
     let scripts = script::write(cast, &config.plan, &song, cue_list, &mut |done| {
         stages.update(Stage::Planning, done)

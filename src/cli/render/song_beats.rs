@@ -43,7 +43,7 @@ pub(in crate::cli) fn find_beats(
         return Ok(offline::annotated(
             &beat_times.times,
             samples,
-            config.tempo.beats_per_bar,
+            config.tempo.beats_per_bar.initial(),
         ));
     }
     stages.update(Stage::Beats, 0.0);

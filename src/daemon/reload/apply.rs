@@ -262,7 +262,7 @@ impl LiveSettings {
             Replan::new(
                 opener.cast(),
                 plan,
-                self.started.tempo.beats_per_bar,
+                self.started.tempo.beats_per_bar.initial(),
                 &shared.faults,
             )
         }))

@@ -93,8 +93,6 @@ function hello(message) {
   aboutText = text;
   pads = makePads($('pads'), about.labels, launch, lift);
   learn.labels(about.labels);
-  const beats = Array.from({ length: about.beats_per_bar }, () => document.createElement('span'));
-  $('beats').replaceChildren(...beats);
   $('source').replaceChildren(...about.sources.map((name) => new Option(name)));
   stage?.setCast([about]);
 }
@@ -186,7 +184,7 @@ function showSource() {
 function showAhead() {
   const list = $('ahead');
   const first = Math.floor(latest.beat ?? 0) + 1;
-  const text = JSON.stringify([first, latest.ahead, latest.bar]);
+  const text = JSON.stringify([first, latest.ahead, latest.bar, latest.beats_per_bar]);
   if (list.dataset.shown === text) return;
   list.dataset.shown = text;
   const now = latest.idle ? -1 : latest.label;
@@ -194,7 +192,7 @@ function showAhead() {
     const beat = document.createElement('li');
     const name = wanted === null ? 'free' : wanted < 0 ? 'idle' : about.labels[wanted] ?? '?';
     beat.dataset.kind = wanted === null ? 'free' : wanted < 0 ? 'idle' : 'label';
-    beat.dataset.downbeat = ((latest.bar ?? 0) + 1 + i) % about.beats_per_bar === 0;
+    beat.dataset.downbeat = ((latest.bar ?? 0) + 1 + i) % latest.beats_per_bar === 0;
     if (wanted !== (i ? latest.ahead[i - 1] : now)) beat.textContent = name;
     beat.setAttribute('aria-label', `in ${i + 1} ${i ? 'beats' : 'beat'}: ${name}`);
     return beat;
@@ -230,7 +228,10 @@ function beatNow() {
 
 function showBeat(beat) {
   const element = $('beats');
-  const count = element.children.length;
+  const count = latest.beats_per_bar;
+  if (element.children.length !== count) {
+    element.replaceChildren(...Array.from({ length: count }, () => document.createElement('span')));
+  }
   const place = ((latest.bar ?? 0) + Math.floor(beat) - Math.floor(latest.beat ?? 0)) % count;
   if (element.dataset.place !== String(place) || !element.querySelector('.on')) {
     element.dataset.place = place;
@@ -283,7 +284,7 @@ $('source').addEventListener('change', () => {
   send({ tempo: `source ${$('source').value}` });
   $('source').blur();
 });
-$('open-calibrate').addEventListener('click', () => calibrate.open(about?.beats_per_bar ?? 4));
+$('open-calibrate').addEventListener('click', () => calibrate.open());
 // Return the keyboard to the pads after a choice.
 for (const choice of [$('mode'), $('length'), $('from')]) choice.addEventListener('change', () => choice.blur());
 

@@ -30,7 +30,7 @@ function makeClock() {
     time(beat) {
       return best + (latest.t + (beat - latest.beat) * 60 / latest.bpm) * 1000;
     },
-    bar: (beat) => latest.bar + beat - Math.floor(latest.beat),
+    isDownbeat: (beat) => (latest.bar + beat - Math.floor(latest.beat)) % latest.beats_per_bar === 0,
   };
 }
 
@@ -39,12 +39,12 @@ function makeClicker(clock) {
   let audio = null;
   let last = -Infinity;
 
-  function click(beat, beatsPerBar) {
+  function click(beat) {
     const { contextTime, performanceTime } = audio.getOutputTimestamp();
     const at = contextTime + (clock.time(beat) - performanceTime) / 1000;
     if (at < audio.currentTime) return;
     const [tone, loudness] = [audio.createOscillator(), audio.createGain()];
-    tone.frequency.value = clock.bar(beat) % beatsPerBar === 0 ? 1760 : 1320;
+    tone.frequency.value = clock.isDownbeat(beat) ? 1760 : 1320;
     loudness.gain.setValueAtTime(0.5, at);
     loudness.gain.exponentialRampToValueAtTime(0.001, at + 0.04);
     tone.connect(loudness).connect(audio.destination);
@@ -58,12 +58,12 @@ function makeClicker(clock) {
       else audio?.suspend();
     },
     /** Schedules the next click once. Returns the last scheduled beat. */
-    run(now, beatsPerBar) {
+    run(now) {
       if (audio?.state !== 'running') return 0;
       const beat = Math.floor(clock.beat(now + CLICK_AHEAD_MS));
       if (beat !== last && clock.time(beat) > now) {
         last = beat;
-        click(beat, beatsPerBar);
+        click(beat);
       }
       return last;
     },
@@ -143,7 +143,6 @@ export function makeCalibrate(dialog, send) {
   const $ = (name) => dialog.querySelector(`[data-part="${name}"]`);
   const clock = makeClock();
   const clicker = makeClicker(clock);
-  let beatsPerBar = 4;
   let latency = null;
   let outputs = [];
   let channels = null;
@@ -172,8 +171,8 @@ export function makeCalibrate(dialog, send) {
     if (beat === null) return;
     const phase = beat - Math.floor(beat);
     $('flash').style.setProperty('--light', Math.max(0, 1 - phase * 4).toFixed(3));
-    $('flash').dataset.downbeat = clock.bar(Math.floor(beat)) % beatsPerBar === 0;
-    dialog.dataset.clicks = clicker.run(now, beatsPerBar);
+    $('flash').dataset.downbeat = clock.isDownbeat(Math.floor(beat));
+    dialog.dataset.clicks = clicker.run(now);
   }
 
   $('click').addEventListener('click', () => {
@@ -189,8 +188,7 @@ export function makeCalibrate(dialog, send) {
   });
 
   return {
-    open(inABar) {
-      beatsPerBar = inABar;
+    open() {
       $('said').textContent = '';
       dialog.showModal();
       requestAnimationFrame(draw);

@@ -52,7 +52,7 @@ fn config(plan: &str) -> Config {
 fn dance(config: &Config, edited: Option<&Config>, late: Option<u32>) -> [Vec<u32>; 2] {
     let (cast, faults) = (cast(), Arc::new(Faults::default()));
     let beats = (0..80).map(|n| 0.5 + f64::from(n) * 60.0 / 110.0).collect();
-    let (settings, bar) = (config.show_settings(), config.tempo.beats_per_bar);
+    let (settings, bar) = (config.show_settings(), config.tempo.beats_per_bar.initial());
     let mut show = Show::new(
         cast.clone(),
         &settings,

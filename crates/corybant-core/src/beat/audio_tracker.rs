@@ -10,6 +10,7 @@
 //! and keeps the octave of a tempo that a performer set.
 
 use super::backend::TrackerBackend;
+use super::bar_length::BarLength;
 use super::edit::{GridEdit, NUDGE_MAX_S};
 use super::metre::bars::BarFilter;
 use super::phase::pattern::BAR;
@@ -52,12 +53,12 @@ pub(super) struct AudioBeatTracker {
 
 impl AudioBeatTracker {
     /// Creates a tracker whose beats are found by `backend`. Beat periods stay within `range`
-    /// (seconds), and bars have `beats_per_bar` beats.
-    pub(super) fn new(backend: TrackerBackend, range: PeriodRange, beats_per_bar: u32) -> Self {
+    /// (seconds), and bars have the length `bars`.
+    pub(super) fn new(backend: TrackerBackend, range: PeriodRange, bars: BarLength) -> Self {
         Self {
             backend,
-            scheduler: BeatScheduler::new(beats_per_bar),
-            bars: BarFilter::new(beats_per_bar),
+            scheduler: BeatScheduler::new(bars.initial()),
+            bars: BarFilter::new(bars),
             bars_until: 0,
             grid_changed: true,
             lost_at: 0.0,
@@ -205,27 +206,34 @@ impl AudioBeatTracker {
         let beat = at - (next - self.bars_until) as f64 * period - self.nudge;
         self.bars
             .add_downbeat(self.bars_until, self.backend.downbeat_at(beat));
-        self.bars.add_odds(
-            self.bars_until - 2,
-            self.backend.downbeat_odds(beat - period, beat),
-        );
-        self.scheduler.set_bars(self.bars.bars());
+        let odds = self.backend.bar_odds(beat - period, beat);
+        self.bars.add_odds(self.bars_until - 2, odds.first);
+        self.bars.add_length_odds(odds.three);
+        self.publish_bars();
+    }
+
+    /// Passes the bars that the bar filter has found to the scheduler. Bars of a new length begin at
+    /// the next bar line: until then, the beats are counted as before.
+    fn publish_bars(&mut self) {
+        let (bars, counted) = (self.bars.bars(), self.scheduler.timeline().bars());
+        if bars.beats == counted.beats || bars.position(self.scheduler.next().0) == 0 {
+            self.scheduler.set_bars(bars);
+        }
     }
 
     /// Takes a new result of the phase classifier, if there is one: the log odds that a certain
-    /// beat is the first of its bar. Passes it to the bar filter, which finds the downbeats. Does
-    /// nothing if bars do not have four beats.
+    /// beat is the first of its bar, if bars have four beats. Passes it to the bar filter, which
+    /// finds the downbeats.
     fn add_pattern_odds(&mut self) {
         let Some((time, odds)) = self.backend.take_bar_start() else {
             return;
         };
-        if self.bars.bars().beats == BAR as u32 {
-            let (next, at) = self.scheduler.next();
-            let back = (at - self.nudge - time) / self.period();
-            self.bars
-                .add_odds(next - back.round() as i64, PATTERN_WEIGHT * odds);
-            self.scheduler.set_bars(self.bars.bars());
-        }
+        let (next, at) = self.scheduler.next();
+        let back = (at - self.nudge - time) / self.period();
+        let beat = next - back.round() as i64;
+        self.bars
+            .add_odds_of_length(beat, PATTERN_WEIGHT * odds, BAR);
+        self.publish_bars();
     }
 
     /// Makes the backend follow `grid`, which a performer set, from sample time `now` (seconds) on.
@@ -246,26 +254,39 @@ mod tests {
     use crate::dsp::{ACTIVATION_HOP, SAMPLE_RATE};
 
     /// A front end for music with beats at 120 bpm. Its activations are 0 before sample time
-    /// `from_s` (seconds); its spectrum changes with every bar of four beats.
+    /// `from_s` (seconds); its spectrum changes with every bar of `length` beats.
     struct LateBeats {
         hops: usize,
         from_s: f64,
+        length: usize,
         levels: [f32; 58],
     }
 
     /// Number of the first beat that starts a bar.
     const FIRST: usize = 3;
 
+    impl LateBeats {
+        fn new(from_s: f64, length: usize) -> Box<Self> {
+            Box::new(Self {
+                hops: 0,
+                from_s,
+                length,
+                levels: [0.0; 58],
+            })
+        }
+    }
+
     impl FrontEnd for LateBeats {
         fn hop(&mut self, _: &[f32; ACTIVATION_HOP]) -> Activation {
-            let beat = self.hops / 50;
-            let chord = (beat + 4 - FIRST) / 4 % 2;
+            let beat = self.hops / 50 + 4 * self.length - FIRST;
+            let chord = beat / self.length % 2;
             self.levels = std::array::from_fn(|band| if band % 2 == chord { 4.0 } else { 1.0 });
             let is_beat = self.hops.is_multiple_of(50) && self.hops as f64 * 0.01 >= self.from_s;
+            let is_first = beat.is_multiple_of(self.length);
             self.hops += 1;
             Activation {
                 beat: if is_beat { 0.9 } else { 0.02 },
-                downbeat: 0.0,
+                downbeat: if is_beat && is_first { 0.5 } else { 0.02 },
             }
         }
 
@@ -278,31 +299,62 @@ mod tests {
         }
     }
 
-    #[test]
-    fn bars_are_known_soon_after_beats_are_found_late() {
+    /// A scheduled beat: its number, its time (seconds), and the bars when it was scheduled.
+    type Scheduled = (i64, f64, crate::time::Bars);
+
+    /// Tracks `front_end` for `seconds` and returns the beats that were scheduled on its beats.
+    fn track(front_end: Box<LateBeats>, bars: BarLength, seconds: usize) -> Vec<Scheduled> {
         let range = PeriodRange::from_bpm(55.0, 215.0);
-        let front_end = LateBeats {
-            hops: 0,
-            from_s: 10.0,
-            levels: [0.0; 58],
-        };
-        let backend = TrackerBackend::activation(Box::new(front_end), range);
-        let mut tracker = AudioBeatTracker::new(backend, range, 4);
-        let mut right = Vec::new();
-        for hop in 1..14 * SAMPLE_RATE as usize / HOP {
+        let backend = TrackerBackend::activation(front_end, range);
+        let mut tracker = AudioBeatTracker::new(backend, range, bars);
+        let mut scheduled = Vec::new();
+        for hop in 1..seconds * SAMPLE_RATE as usize / HOP {
             let now = (hop * HOP) as f64 / f64::from(SAMPLE_RATE);
             tracker.hop(&[0.1; HOP], now, true);
             while let Some((number, time)) = tracker.next_due(now) {
                 if tracker.has_beat() && (tracker.period() - 0.5).abs() < 0.02 {
-                    let position = ((time / 0.5).round() as usize + 4 - FIRST) % 4;
-                    right.push(tracker.timeline().bar_position(number) as usize == position);
+                    scheduled.push((number, time, tracker.timeline().bars()));
                 }
             }
         }
-        // The re-run of downbeat detection starts with the first of these beats.
-        assert!(
-            right.len() >= 4 && right[1..].iter().all(|&right| right),
-            "{right:?}"
-        );
+        scheduled
+    }
+
+    #[test]
+    fn bars_are_known_soon_after_beats_are_found_late() {
+        for bars in [BarLength::Beats(4), BarLength::Auto] {
+            let scheduled = track(LateBeats::new(10.0, 4), bars, 14);
+            let right: Vec<bool> = scheduled
+                .iter()
+                .map(|&(number, time, bars)| {
+                    let position = ((time / 0.5).round() as usize + 4 - FIRST) % 4;
+                    bars.position(number) as usize == position
+                })
+                .collect();
+            // The re-run of downbeat detection starts with the first of these beats.
+            assert!(
+                right.len() >= 4 && right[1..].iter().all(|&right| right),
+                "{right:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_waltz_is_counted_in_three_from_a_bar_line_on_and_its_beats_stay() {
+        let scheduled = track(LateBeats::new(0.0, 3), BarLength::Auto, 30);
+        let three = scheduled.iter().position(|(.., bars)| bars.beats == 3);
+        let three = three.unwrap();
+        assert!(three < 24, "the waltz was found at beat {three}");
+        let (before, after) = scheduled.split_at(three);
+        assert!(before.iter().all(|(.., bars)| bars.beats == 4));
+        assert_eq!(after[0].2.position(after[0].0 + 1), 0, "{:?}", after[0]);
+        for &(number, time, bars) in &after[1..] {
+            let position = ((time / 0.5).round() as usize + 3 - FIRST) % 3;
+            assert_eq!((bars.beats, bars.position(number) as usize), (3, position));
+        }
+        let fixed = track(LateBeats::new(0.0, 3), BarLength::Beats(4), 30);
+        let beats = |all: &[Scheduled]| all.iter().map(|beat| (beat.0, beat.1)).collect::<Vec<_>>();
+        assert_eq!(beats(&scheduled), beats(&fixed));
+        assert!(fixed.iter().all(|(.., bars)| bars.beats == 4));
     }
 }

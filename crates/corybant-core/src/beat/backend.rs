@@ -7,7 +7,7 @@
 
 use super::BeatDetector;
 use super::activation::FrontEnd;
-use super::metre::features::{DownbeatFeatures, HOPS};
+use super::metre::features::{BeatOdds, DownbeatFeatures, HOPS};
 use super::tempo::bass_phase::BassPhase;
 use super::tempo::estimate_follower::EstimateFollower;
 use super::tempo::hypothesis::TempoHypothesis;
@@ -133,11 +133,11 @@ impl TrackerBackend {
     }
 
     /// Processes the sound of the beat from `from` to `to` (sample times in seconds); beats must be
-    /// passed in order. Returns the log odds that the *previous* beat is the first of its bar, or 0
-    /// if they are unknown.
-    pub(super) fn downbeat_odds(&mut self, from: f64, to: f64) -> f32 {
+    /// passed in order. Returns the log odds that the *previous* beat is the first of its bar, and
+    /// those that bars have three and not four beats.
+    pub(super) fn bar_odds(&mut self, from: f64, to: f64) -> BeatOdds {
         match self {
-            Self::Event(_) => 0.0,
+            Self::Event(_) => BeatOdds::default(),
             Self::Activation(tracker) => tracker.features.beat(from, to),
         }
     }

@@ -29,6 +29,7 @@ pub mod aubio;
 mod audio_tracker;
 #[cfg_attr(not(feature = "aubio"), allow(dead_code))] // Only aubio reports single beats.
 mod backend;
+pub mod bar_length;
 pub mod edit;
 mod metre;
 pub mod offline;

@@ -22,6 +22,7 @@ use super::annotated::AnnotatedBeats;
 use super::aubio::Aubio;
 use super::audio_tracker::AudioBeatTracker;
 use super::backend::TrackerBackend;
+use super::bar_length::BarLength;
 use super::edit::GridEdit;
 use super::tempo::period_range::PeriodRange;
 use crate::dsp::energy::Energy;
@@ -86,8 +87,8 @@ pub struct TrackerSettings {
     /// The fastest tracked tempo, in beats per minute, 50 to 400, at least twice `bpm_min`. If
     /// music is faster, its tempo is halved until it is not above this value.
     pub bpm_max: f64,
-    /// Number of beats in a bar, 3 or 4.
-    pub beats_per_bar: u32,
+    /// Number of beats in a bar.
+    pub beats_per_bar: BarLength,
 }
 
 impl Default for TrackerSettings {
@@ -96,7 +97,7 @@ impl Default for TrackerSettings {
             tracker: TrackerKind::default(),
             bpm_min: 55.0,
             bpm_max: 215.0,
-            beats_per_bar: 4,
+            beats_per_bar: BarLength::default(),
         }
     }
 }
@@ -134,13 +135,14 @@ impl TrackerSettings {
         }
     }
 
-    /// Adds a sentence to `problems` if `beats_per_bar` is neither 3 nor 4. `key` is the name of
-    /// the show file's table that has this setting.
+    /// Adds a sentence to `problems` if `beats_per_bar` is not allowed. `key` is the name of the show
+    /// file's table that has this setting.
     pub(crate) fn check_bar(&self, key: &str, problems: &mut Vec<String>) {
-        if !(3..=4).contains(&self.beats_per_bar) {
+        if !self.beats_per_bar.is_allowed() {
             problems.push(format!(
-                "{key}.beats_per_bar is {}; it must be 3 or 4.",
-                self.beats_per_bar
+                "{key}.beats_per_bar is {}; it must be {}.",
+                self.beats_per_bar,
+                BarLength::ALLOWED
             ));
         }
     }
@@ -172,6 +174,8 @@ pub struct PredictedBeat {
     pub confidence: f32,
     /// Position of the beat in its bar, counted from 0.
     pub bar_position: u32,
+    /// Number of beats in the bar of the beat.
+    pub beats_per_bar: u32,
 }
 
 /// Creates the part of the beat tracker `tracker` that finds tempo and phase. Beat periods stay
@@ -233,7 +237,7 @@ impl BeatTracker {
         }
         let source = match source {
             BeatSource::Annotated(times) => {
-                let beats = AnnotatedBeats::new(times, settings.beats_per_bar)?;
+                let beats = AnnotatedBeats::new(times, settings.beats_per_bar.initial())?;
                 Source::Annotated(Box::new(beats))
             }
             BeatSource::Audio => {
@@ -403,7 +407,7 @@ impl BeatTracker {
             if !music {
                 continue;
             }
-            let bar_position = self.timeline().bar_position(number);
+            let bars = self.timeline().bars();
             if self.predicted.len() == QUEUE_MAX {
                 self.predicted.pop_front();
             }
@@ -413,7 +417,8 @@ impl BeatTracker {
                 at: Seconds(now),
                 bpm,
                 confidence,
-                bar_position,
+                bar_position: bars.position(number),
+                beats_per_bar: bars.beats,
             });
         }
     }

@@ -2,7 +2,7 @@
 //!
 //! In: samples in blocks of any size, or the beats of a whole recording.
 //! Out: lines `beat_time_s \t decided_at_s \t bpm \t confidence`, optionally with `\t
-//! bar_position`, counted from 1. Each line is flushed at once.
+//! bar_position \t beats_per_bar`; positions are counted from 1. Each line is flushed at once.
 //! Thread: any except audio; it waits for its writer.
 //! Allocates: no.
 
@@ -14,8 +14,9 @@ use crate::dsp::HOP;
 use crate::time::{Bpm, Seconds};
 
 /// Feeds `samples` to `tracker` and writes one line to `out` for each predicted beat. The line has
-/// the time of the beat, the time of the prediction, the tempo and the confidence, and the bar
-/// position if `bars` is true. Returns the number of lines written.
+/// the time of the beat, the time of the prediction, the tempo and the confidence. If `bars` is
+/// true, it also has the position of the beat in its bar and the length of the bar. Returns the
+/// number of lines written.
 ///
 /// To continue, call this function again with the samples that follow. The division of the samples
 /// into blocks has no effect on the lines.
@@ -40,8 +41,8 @@ pub fn write_beats(
 }
 
 /// Writes one line to `out` for each of the `beats` at which there is music. The line has the time
-/// of the beat, the end of the recording (`seconds`), the tempo and the confidence, and the bar
-/// position if `bars` is true.
+/// of the beat, the end of the recording (`seconds`), the tempo and the confidence. If `bars` is
+/// true, it also has the position of the beat in its bar and the length of the bar.
 ///
 /// # Errors
 /// The error of `out` if a line cannot be written.
@@ -72,6 +73,7 @@ pub fn write_whole(
                 bpm,
                 confidence: beat.confidence,
                 bar_position: beat.bar_position,
+                beats_per_bar: beat.beats_per_bar,
             };
             write_line(&predicted, bars, out)?;
         }
@@ -86,7 +88,7 @@ fn write_line(beat: &PredictedBeat, bars: bool, out: &mut impl Write) -> io::Res
         beat.time.0, beat.at.0, beat.bpm.0, beat.confidence
     )?;
     if bars {
-        write!(out, "\t{}", beat.bar_position + 1)?;
+        write!(out, "\t{}\t{}", beat.bar_position + 1, beat.beats_per_bar)?;
     }
     writeln!(out)?;
     out.flush()

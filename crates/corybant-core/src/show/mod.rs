@@ -180,11 +180,15 @@ impl Show {
             faults: &faults,
         };
         let mut bounds = SharedBounds::default();
-        let slots = solvers(&cast, &settings.plan, settings.tempo.beats_per_bar)
-            .into_iter()
-            .enumerate()
-            .map(|(number, solver)| DancerSlot::new(&inputs, number, solver, &mut bounds))
-            .collect::<Result<_, _>>()?;
+        let slots = solvers(
+            &cast,
+            &settings.plan,
+            settings.tempo.beats_per_bar.initial(),
+        )
+        .into_iter()
+        .enumerate()
+        .map(|(number, solver)| DancerSlot::new(&inputs, number, solver, &mut bounds))
+        .collect::<Result<_, _>>()?;
         Ok(Self {
             source: SourceWatch::new(&tempo),
             tempo,

@@ -80,7 +80,7 @@ pub enum ScriptError {
     },
 }
 
-/// The beats and the metre of a song, for which dances are planned in advance.
+/// The beats and bars of a song, for which dances are planned in advance.
 #[derive(Clone, Copy, Debug)]
 pub struct Song<'a> {
     /// All beats of the song. Each entry describes the music until the next beat; the last entry
@@ -90,8 +90,6 @@ pub struct Song<'a> {
     pub first: i64,
     /// The index in `beats` of the beat that the cue list counts as beat 0.
     pub counted_from: usize,
-    /// The number of beats in a bar.
-    pub beats_per_bar: u32,
 }
 
 /// Plans the dance of each lead dancer for a whole song with the cues `cues`. The result is in the
@@ -153,7 +151,7 @@ impl SongRequirements {
             let (beat, number) = (&pair[0], song.first + n as i64);
             schedule.set_bars(Bars {
                 first: number - i64::from(beat.bar_position),
-                beats: song.beats_per_bar,
+                beats: beat.beats_per_bar,
             });
             let counted = (n as f64 - song.counted_from as f64).max(-1.0);
             cues.due(beat.time, (counted >= 0.0).then_some(counted), |cue| {
@@ -191,7 +189,7 @@ impl SongRequirements {
                 seconds: (pair[1].time - beat.time) as f32,
                 energy: schedule.intensity(number).unwrap_or(beat.energy),
                 bar_position: beat.bar_position,
-                beats_per_bar: song.beats_per_bar,
+                beats_per_bar: beat.beats_per_bar,
             });
             if !held {
                 schedule.commit(number, 1, wanted);

@@ -36,6 +36,8 @@ pub struct Status {
     pub beat: f64,
     /// The position of the current beat in its bar, 0 for the downbeat.
     pub bar_position: u32,
+    /// The number of beats in the current bar, at least 1.
+    pub beats_per_bar: u32,
     /// The current tempo, in beats per minute.
     pub bpm: f64,
     /// The tempo source that is selected.
@@ -119,6 +121,7 @@ impl Default for Status {
             time: 0.0,
             beat: 0.0,
             bar_position: 0,
+            beats_per_bar: 4,
             bpm: 120.0,
             source: TempoSource::Audio,
             source_state: SourceState::Alive,
@@ -174,6 +177,7 @@ impl Show {
             time: self.now.0,
             beat: beat.0,
             bar_position: self.music.timeline.bar_position(beat.0.floor() as i64),
+            beats_per_bar: self.music.timeline.beats_per_bar(),
             bpm: self.music.timeline.bpm_at(self.now).0,
             source: self.tempo.source(),
             source_state: self.tempo.state(),

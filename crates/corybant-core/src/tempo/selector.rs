@@ -60,8 +60,9 @@ impl TempoSelector {
         }
         let tracker = BeatTracker::new(&settings.tracker(), source)?;
         let range = settings.tracker().period_range();
-        let external = ExternalTempo::new(Bpm(settings.bpm), range, settings.beats_per_bar)
-            .leading_link(settings.link == LinkRole::Lead);
+        let external =
+            ExternalTempo::new(Bpm(settings.bpm), range, settings.beats_per_bar.initial())
+                .leading_link(settings.link == LinkRole::Lead);
         let mut selector = Self {
             timeline: *tracker.timeline(),
             tracker,

@@ -8,6 +8,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::source::{Sources, TempoSource};
+use crate::beat::bar_length::BarLength;
 use crate::beat::tracker::{TrackerKind, TrackerSettings};
 
 /// The allowed tempi of the tempo source "fixed", in beats per minute.
@@ -52,8 +53,9 @@ pub struct Settings {
     /// The fastest tempo that the beat tracker can find, in beats per minute: up to 400 and at
     /// least twice `bpm_min`. Faster music is tracked at half its tempo.
     pub bpm_max: f64,
-    /// Number of beats in a bar, 3 or 4.
-    pub beats_per_bar: u32,
+    /// Number of beats in a bar. [`BarLength::Auto`] has effect on beats that the tracker finds; the
+    /// bars of other sources then have four beats.
+    pub beats_per_bar: BarLength,
 }
 
 impl Default for Settings {

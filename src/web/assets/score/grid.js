@@ -20,20 +20,22 @@ export function makeGrid(song) {
   }
   const periodAt = (i) => (last > 0 ? times[i + 1] - times[i] : 0.5);
   const startOf = (beat) => bars[beat + zero] === 0;
+  // Number of bar lines up to each beat.
+  let lines = 0;
+  const linesTo = bars.map((position) => (position === 0 ? ++lines : lines));
 
   const grid = {
     times,
     /** Last beat of the song that can carry a cue; the first is 0. */
     lastBeat: Math.max(song.cue_beats - 1, 0),
+    /** Length of most bars, in beats. */
     beatsPerBar: song.beats_per_bar,
     numberOf: (i) => i - zero,
     isBar: startOf,
-    /** Number of the bar of a beat, and the beat's place in the bar; both start at 1. */
+    /** Number of the bar of a beat (the bar of beat 0 is bar 1), and the beat's place in the bar, from 1. */
     placeOf(beat) {
-      const i = Math.floor(beat) + zero;
-      const position = bars[Math.min(Math.max(i, 0), last)] ?? 0;
-      const bar = Math.floor((Math.floor(beat) - position) / song.beats_per_bar) + (bars[zero] ? 2 : 1);
-      return { bar, position: position + 1 };
+      const i = Math.min(Math.max(Math.floor(beat) + zero, 0), Math.max(last, 0));
+      return { bar: (linesTo[i] ?? 0) - (linesTo[zero] ?? 0) + 1, position: (bars[i] ?? 0) + 1 };
     },
     beatAt(seconds) {
       const i = before(seconds);

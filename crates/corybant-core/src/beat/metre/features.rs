@@ -2,7 +2,8 @@
 //! onset at the beat is.
 //!
 //! In: band levels and decimated samples, hop by hop; and each beat once its sound is complete.
-//! Out: log odds that a beat is the first of its bar, for [`bars`](crate::beat::metre::bars).
+//! Out: log odds that a beat is the first of its bar, and that bars have three and not four beats,
+//! for [`bars`](crate::beat::metre::bars).
 //! Thread: show.
 //! Allocates: never after `new`.
 //!
@@ -11,6 +12,7 @@
 //! levels of two beats with those of the two beats before them.
 
 use crate::beat::metre::chroma::{self, Chroma, NOTES};
+use crate::beat::metre::repetition::{History, Rises};
 use crate::dsp::ACTIVATION_HOP;
 use crate::dsp::SAMPLE_RATE;
 use crate::dsp::decimator::{DECIMATED_HOP, DECIMATED_RATE_HZ, DECIMATOR_DELAY_S, DecimatedHop};
@@ -35,9 +37,10 @@ const PARTS: [(usize, usize); 2] = [(0, 14), (14, 34)];
 /// Number of spectrum bands that are analysed: all bands up to 2 kHz.
 const BANDS: usize = 34;
 /// Weights of two onset strengths in the log odds of a bar start. The entries are for onsets below
-/// 350 Hz and for onsets from 350 Hz to 2 kHz. The weights were fitted to music that was composed
+/// 350 Hz, such as those of a bass drum, and for onsets from 350 Hz to 2 kHz, such as those of a
+/// snare drum, which mostly plays on other beats. The weights were fitted to music that was composed
 /// for training.
-const ONSET_WEIGHTS: [f32; 2] = [0.55, 0.25];
+const ONSET_WEIGHTS: [f32; 2] = [0.55, -0.2];
 /// Weights of three novelties (measures of the change of the sound) in the log odds of a bar start.
 /// The entries are for the spectrum bands from 350 Hz to 2 kHz, for the semitones below 370 Hz, and
 /// for the semitones above 370 Hz. The weights were fitted to music that was composed for training.
@@ -70,6 +73,15 @@ struct Beat {
     bands: Levels,
     /// `[semitone]`: level of the semitone in the spectrum of the whole beat.
     notes: chroma::Levels,
+}
+
+/// Results for the beats, as natural logarithms of odds; 0 where nothing is known.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BeatOdds {
+    /// Odds that the beat before the latest beat is the first of its bar.
+    pub first: f32,
+    /// Odds that bars have three and not four beats, as far as the onset of the latest beat shows.
+    pub three: f32,
 }
 
 /// A running mean over beats; `mean` is `None` before the first beat.
@@ -109,6 +121,8 @@ pub struct DownbeatFeatures {
     onset: f32,
     novelties: [RunningMean; NOVELTY_WEIGHTS.len()],
     onsets: [RunningMean; PARTS.len()],
+    /// The rises of the spectrum bands at the onsets of the latest beats.
+    rises: History<Rises<BANDS>>,
 }
 
 impl DownbeatFeatures {
@@ -127,6 +141,7 @@ impl DownbeatFeatures {
             onset: 0.0,
             novelties: [RunningMean::default(); NOVELTY_WEIGHTS.len()],
             onsets: [RunningMean::default(); PARTS.len()],
+            rises: History::new(),
         }
     }
 
@@ -141,14 +156,14 @@ impl DownbeatFeatures {
     }
 
     /// Processes the sound of the beat from `from` to `to` (sample times in seconds). Returns the
-    /// log odds that the beat of the *previous* call is the first of its bar, or 0 if they are
-    /// unknown.
-    pub fn beat(&mut self, from: f64, to: f64) -> f32 {
+    /// log odds that the beat of the *previous* call is the first of its bar, and those that bars
+    /// have three and not four beats.
+    pub fn beat(&mut self, from: f64, to: f64) -> BeatOdds {
         let hop = |time: f64| ((time + DELAY_S) * HOPS_HZ).round().max(0.0) as usize;
         let (first, end) = (hop(from), hop(to).min(self.hop_count));
         if end <= first || first + HOPS < self.hop_count + RISE_HOPS + AROUND.0 {
             self.forget();
-            return 0.0;
+            return BeatOdds::default();
         }
         self.beats.rotate_right(1);
         self.beats[0] = Beat {
@@ -161,14 +176,20 @@ impl DownbeatFeatures {
         } else {
             0.0
         };
-        let onset = self.onset(first, end);
-        novelty + std::mem::replace(&mut self.onset, onset)
+        let rises = self.rises_at(first, end);
+        let onset = self.onset(&rises);
+        self.rises.add(Rises(rises));
+        BeatOdds {
+            first: novelty + std::mem::replace(&mut self.onset, onset),
+            three: self.rises.onset_odds(),
+        }
     }
 
     /// Forgets the sound of all past beats. Later beats are then not compared with them.
     pub fn forget(&mut self) {
         self.known = 0;
         self.onset = 0.0;
+        self.rises.forget();
     }
 
     fn mean(&self, first: usize, end: usize) -> Levels {
@@ -213,9 +234,9 @@ impl DownbeatFeatures {
             .sum()
     }
 
-    /// Returns the part of the log odds of a bar start that results from the onset strength of the
-    /// beat at hop number `at`. Hops from number `end` on are not used.
-    fn onset(&mut self, at: usize, end: usize) -> f32 {
+    /// Returns the greatest rise of each spectrum band around the beat at hop number `at`. Hops from
+    /// number `end` on are not used.
+    fn rises_at(&self, at: usize, end: usize) -> Levels {
         let mut rises = [0.0f32; BANDS];
         for hop in at.saturating_sub(AROUND.0).max(RISE_HOPS)..(at + AROUND.1 + 1).min(end) {
             let (now, before) = (&self.hops[hop % HOPS], &self.hops[(hop - RISE_HOPS) % HOPS]);
@@ -224,6 +245,12 @@ impl DownbeatFeatures {
                 .zip(now.iter().zip(before))
                 .for_each(|(rise, (now, before))| *rise = rise.max(now - before));
         }
+        rises
+    }
+
+    /// Returns the part of the log odds of a bar start that results from the onset strength of a
+    /// beat, whose spectrum bands rise by `rises`.
+    fn onset(&mut self, rises: &Levels) -> f32 {
         let weighted = PARTS.iter().zip(ONSET_WEIGHTS).zip(&mut self.onsets);
         let mean =
             |low: usize, high: usize| rises[low..high].iter().sum::<f32>() / (high - low) as f32;
@@ -263,7 +290,11 @@ mod tests {
                 .collect();
             (0..50).for_each(|_| features.hop(&levels, &[0.0; DECIMATED_HOP]));
             if beat > 1 {
-                all.push(features.beat((beat - 1) as f64 * 0.5, beat as f64 * 0.5));
+                all.push(
+                    features
+                        .beat((beat - 1) as f64 * 0.5, beat as f64 * 0.5)
+                        .first,
+                );
             }
         }
         all
@@ -288,19 +319,20 @@ mod tests {
     fn steady_sound_has_no_odds() {
         let mut features = DownbeatFeatures::new();
         (0..200).for_each(|_| features.hop(&[1.0; BANDS], &[0.0; DECIMATED_HOP]));
-        let odds: Vec<f32> = (0..3)
+        let odds: Vec<BeatOdds> = (0..3)
             .map(|beat| features.beat(0.1 + f64::from(beat) * 0.5, 0.6 + f64::from(beat) * 0.5))
             .collect();
-        assert_eq!(odds, [0.0; 3]);
+        assert_eq!(odds, [BeatOdds::default(); 3]);
     }
 
     #[test]
     fn beats_outside_the_memory_and_empty_beats_are_skipped() {
         let mut features = DownbeatFeatures::new();
         (0..1000).for_each(|_| features.hop(&[1.0; BANDS], &[0.0; DECIMATED_HOP]));
-        assert_eq!(features.beat(0.0, 0.5), 0.0);
-        assert_eq!(features.beat(9.0, 9.0), 0.0);
-        assert_eq!(features.beat(12.0, 12.5), 0.0);
-        assert_eq!(features.beat(f64::NAN, f64::INFINITY), 0.0);
+        let unknown = BeatOdds::default();
+        assert_eq!(features.beat(0.0, 0.5), unknown);
+        assert_eq!(features.beat(9.0, 9.0), unknown);
+        assert_eq!(features.beat(12.0, 12.5), unknown);
+        assert_eq!(features.beat(f64::NAN, f64::INFINITY), unknown);
     }
 }

@@ -1,4 +1,4 @@
-//! Metre: which beats are the first of their bars.
+//! Metre: how long bars are, and which beats are the first of their bars.
 //!
 //! Thread: show.
 //! Allocates: only in `new`.
@@ -6,3 +6,4 @@
 pub mod bars;
 pub mod chroma;
 pub mod features;
+pub mod repetition;

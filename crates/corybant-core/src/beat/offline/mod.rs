@@ -22,8 +22,9 @@ use crate::beat::activation::FrontEnd;
 use crate::beat::activation::ensemble::Ensemble;
 use crate::beat::activation::flux::Flux;
 use crate::beat::metre::features::DownbeatFeatures;
+use crate::beat::metre::repetition::History;
+use crate::beat::offline::bars::BarOdds;
 use crate::beat::offline::observations::{HOP_S, Observations};
-use crate::beat::phase::pattern::BAR;
 use crate::beat::tracker::{TrackerKind, TrackerSettings};
 use crate::dsp::SAMPLE_RATE;
 use crate::dsp::energy::Energy;
@@ -55,6 +56,9 @@ const DOWNBEAT_WEIGHT: f32 = 1.7;
 /// Limit of the absolute log odds of a bar start. The log odds from the downbeat activation and the
 /// log odds from the downbeat features are each clamped to this limit.
 const ODDS_MAX: f32 = 2.08;
+/// Limit of the absolute log odds that bars have three and not four beats. The log odds from the
+/// downbeat activations and those from the onsets are each clamped to this limit.
+const THREE_MAX: f32 = 1.0;
 /// Factor for the log odds of a bar start from the rhythm pattern (mean sound of the last beats).
 /// It is small because the patterns of neighbouring beats share most of their sound, so that each
 /// new result adds little.
@@ -79,6 +83,8 @@ pub struct Beat {
     pub time: f64,
     /// Position of the beat in its bar, counted from 0.
     pub bar_position: u32,
+    /// Number of beats in the bar of the beat, at least 1.
+    pub beats_per_bar: u32,
     /// Confidence that the beat is right, 0..1: the mean beat activation of this beat and the beats
     /// around it. It is 1 for annotated beats. It is 0 for beats that were added before the first
     /// or after the last tracked beat.
@@ -123,7 +129,7 @@ pub fn beats(
     }
     let range = settings.period_range().in_hops(HOP_S);
     let tracked = exact(&observations, &viterbi::beats(&observations, range));
-    let (times, bar_odds) = match &observations.rhythm {
+    let (times, pattern_odds) = match &observations.rhythm {
         Some(rhythm) if tracked.len() >= phase::BEATS_MIN => {
             let end = observations.hops() as f64 * HOP_S;
             let corrected = phase::corrected(&tracked, rhythm, end)?;
@@ -131,12 +137,10 @@ pub fn beats(
         }
         _ => (tracked, Vec::new()),
     };
-    let mut odds = downbeats(&observations, &times);
-    if settings.beats_per_bar == BAR as u32 {
-        let both = odds.iter_mut().zip(&bar_odds);
-        both.for_each(|(odds, bar)| *odds += PATTERN_WEIGHT * bar);
-    }
-    let positions = bars::positions(&odds, settings.beats_per_bar as usize);
+    let mut odds = bar_odds(&observations, &times);
+    let both = odds.iter_mut().zip(&pattern_odds);
+    both.for_each(|(odds, pattern)| odds.first_of_four = PATTERN_WEIGHT * pattern);
+    let places = bars::places(&odds, settings.beats_per_bar);
     let (confidences, energies) = (
         confidences(&observations, &times),
         energies(samples, &times),
@@ -145,7 +149,8 @@ pub fn beats(
     let music = |time: f64| !pauses.iter().any(|&(from, to)| (from..to).contains(&time));
     let beat = |n: usize| Beat {
         time: times[n],
-        bar_position: positions[n],
+        bar_position: places[n].position,
+        beats_per_bar: places[n].beats,
         confidence: confidences[n],
         energy: energies[n],
         music: music(times[n]),
@@ -160,6 +165,7 @@ pub fn annotated(times: &[f64], samples: &[f32], beats_per_bar: u32) -> Vec<Beat
     let beat = |(n, (&time, energy))| Beat {
         time,
         bar_position: n as u32 % beats_per_bar,
+        beats_per_bar,
         confidence: 1.0,
         energy,
         music: true,
@@ -189,14 +195,9 @@ pub fn through(mut beats: Vec<Beat>, seconds: f64) -> (Vec<Beat>, usize) {
         period(&beats[..beats.len().min(SPAN_BEATS)]),
         period(&beats[beats.len().saturating_sub(SPAN_BEATS)..]),
     );
-    let length = 1 + beats
-        .iter()
-        .map(|beat| beat.bar_position)
-        .max()
-        .unwrap_or(0);
     let (first, last) = (beats[0], beats[beats.len() - 1]);
     let before = (first.time / fore).ceil().max(0.0) as usize;
-    let added = |n: usize, time: f64, bar_position: u32| {
+    let added = |n: usize, time: f64, bar_position: u32, beats_per_bar: u32| {
         let music = (if n > 0 {
             first.time - time
         } else {
@@ -206,23 +207,23 @@ pub fn through(mut beats: Vec<Beat>, seconds: f64) -> (Vec<Beat>, usize) {
         Beat {
             time,
             bar_position,
+            beats_per_bar,
             confidence: 0.0,
             energy: 0.0,
             music,
         }
     };
     let earlier = (1..=before).rev().map(|n| {
-        added(
-            n,
-            first.time - n as f64 * fore,
-            (first.bar_position + length - n as u32 % length) % length,
-        )
+        let length = first.beats_per_bar;
+        let position = (first.bar_position + length - n as u32 % length) % length;
+        added(n, first.time - n as f64 * fore, position, length)
     });
     let mut all: Vec<Beat> = earlier.collect();
     all.append(&mut beats);
     while all[all.len() - 1].time <= seconds + AFTER_S || all.len() < 2 {
         let end = all[all.len() - 1];
-        all.push(added(0, end.time + aft, (end.bar_position + 1) % length));
+        let position = (end.bar_position + 1) % end.beats_per_bar;
+        all.push(added(0, end.time + aft, position, end.beats_per_bar));
     }
     (all, before)
 }
@@ -302,18 +303,23 @@ fn line(times: &[f64]) -> Option<f64> {
         .then_some(middle)
 }
 
-/// Returns, for each of the beats at `times` (seconds), the log odds that the beat is the first of
-/// its bar.
-fn downbeats(observations: &Observations, times: &[f64]) -> Vec<f32> {
+/// Returns, for each of the beats at `times` (seconds), what the sound shows of its bar.
+fn bar_odds(observations: &Observations, times: &[f64]) -> Vec<BarOdds> {
     let sound: Vec<f32> = times
         .iter()
         .map(|&time| near(&observations.downbeat, observations.hop_of(time)))
         .collect();
-    let mut odds: Vec<f32> = (0..times.len())
+    let mut activations = History::new();
+    let mut odds: Vec<BarOdds> = (0..times.len())
         .map(|n| {
             let usual = mean_around(&sound, n, MEAN_BEATS);
-            (DOWNBEAT_WEIGHT * maths::ln((sound[n] + FLOOR) / (usual + FLOOR)))
-                .clamp(-ODDS_MAX, ODDS_MAX)
+            let ratio = maths::ln((sound[n] + FLOOR) / (usual + FLOOR));
+            activations.add(ratio);
+            BarOdds {
+                first: (DOWNBEAT_WEIGHT * ratio).clamp(-ODDS_MAX, ODDS_MAX),
+                three: activations.activation_odds().clamp(-THREE_MAX, THREE_MAX),
+                first_of_four: 0.0,
+            }
         })
         .collect();
     let mut features = DownbeatFeatures::new();
@@ -324,9 +330,10 @@ fn downbeats(observations: &Observations, times: &[f64]) -> Vec<f32> {
         (until_now..until)
             .for_each(|hop| features.hop(observations.levels_of(hop), &observations.low[hop]));
         until_now = until_now.max(until);
-        let accent = features.beat(times[n - 1], times[n]);
+        let sound = features.beat(times[n - 1], times[n]);
+        odds[n - 1].three += sound.three.clamp(-THREE_MAX, THREE_MAX);
         if n >= 2 {
-            odds[n - 2] += accent.clamp(-ODDS_MAX, ODDS_MAX);
+            odds[n - 2].first += sound.first.clamp(-ODDS_MAX, ODDS_MAX);
         }
     }
     odds

@@ -6,6 +6,7 @@
 use std::f64::consts::TAU;
 
 use assert_no_alloc::assert_no_alloc;
+use corybant_core::beat::bar_length::BarLength;
 use corybant_core::beat::tempo::period_range::PeriodRange;
 use corybant_core::beat::tracker::{
     BeatSource, BeatTracker, PredictedBeat, TrackerKind, TrackerSettings,
@@ -565,7 +566,7 @@ fn every_setting_that_is_not_allowed_is_reported() {
     let settings = TrackerSettings {
         bpm_min: 100.0,
         bpm_max: 150.0,
-        beats_per_bar: 5,
+        beats_per_bar: BarLength::Beats(5),
         ..TrackerSettings::default()
     };
     let mut problems = Vec::new();
