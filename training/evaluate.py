@@ -1,7 +1,7 @@
 """Evaluates the whole tracker on a folder of music with known beats: `python3 -m training.evaluate FOLDER --program PROGRAM`.
 
-In: FOLDER/NAME.{wav,flac,ogg,mp3}, NAME.beats (seconds, one per line) and, optionally, NAME.ignore (spans that are not judged) and manifest.json
-(kind of each piece); PROGRAM, a built `corybant`. Out: a table on standard output, `--json FILE` for the values of each piece.
+In: FOLDER/NAME.{wav,flac,ogg,mp3}, NAME.beats (seconds, one per line) and, optionally, NAME.downbeats (the same), NAME.ignore (spans that are not
+judged) and manifest.json (kind of each piece); PROGRAM, a built `corybant`. Out: a table on standard output, `--json FILE` for the values of each piece.
 
 The first 5 s of each piece are not judged. F-measure and continuity (CMLt, AMLt) as in mir_eval. Each true beat has one class:
 
@@ -15,6 +15,10 @@ The first 5 s of each piece are not judged. F-measure and continuity (CMLt, AMLt
 | double, half | double or half the tempo |
 | 2:3 | two thirds, three quarters, four thirds or one and a half times the tempo |
 | other | another tempo |
+
+With `--downbeats`, a second table shows the bars of the pieces that have downbeats, for each number of beats in most of their bars: the F-measure
+of the downbeats over everything and over the right beats only, the share of pieces with the right bar length after 16 and after 32 estimated beats,
+and how often per piece the length changes to a wrong one.
 """
 
 import argparse
@@ -41,6 +45,8 @@ RIGHT_BEATS = 32
 """Number of right beats in a row (eight bars in four) after which the tracker counts as having been right."""
 CONFIDENCE_BINS = np.arange(0.4, 1.01, 0.1)
 SOUNDS = (".wav", ".flac", ".ogg", ".mp3")
+LENGTH_BEATS = (16, 32)
+"""Numbers of estimated beats after which the bar length is judged."""
 
 
 @dataclass
@@ -57,6 +63,34 @@ class Result:
     """Lengths, in beats, of the stretches half a period off after RIGHT_BEATS right beats."""
     confidence: list[tuple[float, bool]]
     """Confidence of each estimate, and whether it is right."""
+    bars: "Bars | None"
+    """Scores of the bars; none without downbeats."""
+
+
+@dataclass
+class Bars:
+    """The scores of the bars of one piece."""
+
+    metre: int
+    """Number of beats in most bars."""
+    f: float
+    f_where_right: float | None
+    """F-measure over the right beats only; none if there are too few."""
+    length_is_right: list[bool]
+    """Whether the bar length is right after each of LENGTH_BEATS."""
+    wrong_changes: int
+
+
+@dataclass
+class Estimates:
+    """The beats of the tracker, in rising order of time."""
+
+    times: np.ndarray
+    confidences: np.ndarray
+    positions: np.ndarray
+    """Places in the bar, from 1."""
+    lengths: np.ndarray
+    """Numbers of beats in the bar."""
 
 
 def column(path: Path) -> np.ndarray:
@@ -66,12 +100,12 @@ def column(path: Path) -> np.ndarray:
     return np.loadtxt(path, ndmin=2)
 
 
-def estimates(program: Path, song: Path, options: list[str]) -> tuple[np.ndarray, np.ndarray]:
-    """The times of the estimated beats in rising order, and their confidences (columns 1 and 4 of the output)."""
-    output = subprocess.run([program, "beats", song, *options], check=True, capture_output=True, text=True).stdout
-    rows = np.array([[float(x) for x in line.split()[:4]] for line in output.splitlines()]).reshape(-1, 4)
+def estimates(program: Path, song: Path, options: list[str]) -> Estimates:
+    """The estimated beats: columns 1 and 4 to 6 of the output."""
+    output = subprocess.run([program, "beats", song, "--bars", *options], check=True, capture_output=True, text=True).stdout
+    rows = np.array([[float(x) for x in line.split()] for line in output.splitlines()]).reshape(-1, 6)
     rows = rows[np.argsort(rows[:, 0], kind="stable")]
-    return rows[:, 0], rows[:, 3]
+    return Estimates(rows[:, 0], rows[:, 3], rows[:, 4], rows[:, 5])
 
 
 def is_near(times: np.ndarray, others: np.ndarray) -> np.ndarray:
@@ -129,11 +163,39 @@ def off_beat_runs(of_beats: list[str]) -> list[int]:
     return runs
 
 
+def nearest(times: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """The index of the nearest of the sorted `others` (at least two), for each of `times`."""
+    after = np.clip(np.searchsorted(others, times), 1, len(others) - 1)
+    return np.where(times - others[after - 1] <= others[after] - times, after - 1, after)
+
+
+def score_bars(truth: np.ndarray, downbeats: np.ndarray, found: Estimates, kept: np.ndarray, judged) -> Bars:  # noqa: ANN001
+    """The scores of the bars. `kept` marks the estimates that are judged; `judged` does so for times."""
+    starts = np.unique(nearest(downbeats, truth))
+    metre = Counter(np.diff(starts).tolist()).most_common(1)[0][0]
+    is_first = found.positions == 1
+    true, estimated = downbeats[judged(downbeats)], np.unique(found.times[kept & is_first])
+    f = mir_eval.beat.f_measure(true, estimated, TOLERANCE_S) if len(true) and len(estimated) else 0.0
+    beats = nearest(found.times, truth)
+    after = np.minimum(beats + 1, len(truth) - 1)
+    period = truth[after] - truth[beats]
+    doubled = [np.any((found.times > t + 0.25 * p) & (found.times < t + 0.75 * p)) for t, p in zip(truth[beats], period)]
+    right = kept & (np.abs(found.times - truth[beats]) <= TOLERANCE_S) & ~np.array(doubled, bool)
+    is_true, is_estimated = np.isin(beats[right], starts), is_first[right]
+    count = is_true.sum() + is_estimated.sum()
+    where_right = float(2 * (is_true & is_estimated).sum() / count) if is_true.sum() > 1 else None
+    lengths = found.lengths
+    changes = int(np.sum((lengths[1:] != lengths[:-1]) & (lengths[1:] != metre)))
+    at = lambda beat: bool(len(lengths) and lengths[min(beat, len(lengths) - 1)] == metre)  # noqa: E731
+    return Bars(int(metre), float(f), where_right, [at(beat) for beat in LENGTH_BEATS], changes)
+
+
 def evaluate(program: Path, song: Path, kind: str, options: list[str]) -> Result:
     """Runs the tracker on one piece and scores its beats."""
     truth = column(song.with_suffix(".beats"))[:, 0]
     ignored = column(song.with_suffix(".ignore"))
-    found, confidence = estimates(program, song, options)
+    all_found = estimates(program, song, options)
+    found, confidence = all_found.times, all_found.confidences
     judged = lambda times: (times >= SKIP_S) & ~np.any([(times >= s) & (times < e) for s, e in ignored] or [np.zeros(len(times), bool)], axis=0)  # noqa: E731
     in_music = found <= truth[-1] + 0.5 * np.median(np.diff(truth))
     of_beats = [name for name, keep in zip(classes(truth, found), judged(truth)) if keep]
@@ -143,7 +205,9 @@ def evaluate(program: Path, song: Path, kind: str, options: list[str]) -> Result
     continuity = mir_eval.beat.continuity(true, estimated) if len(estimated) > 1 else (0.0,) * 4
     f = mir_eval.beat.f_measure(true, estimated, TOLERANCE_S) if len(estimated) else 0.0
     pairs = [(float(c), bool(ok)) for c, ok in zip(confidence[kept], right)]
-    return Result(song.stem, kind, f, continuity[1], continuity[3], dict(Counter(of_beats)), off_beat_runs(of_beats), pairs)
+    downbeats = column(song.with_suffix(".downbeats"))[:, 0]
+    bars = score_bars(truth, downbeats, all_found, kept, judged) if len(downbeats) > 1 else None
+    return Result(song.stem, kind, f, continuity[1], continuity[3], dict(Counter(of_beats)), off_beat_runs(of_beats), pairs, bars)
 
 
 def table(results: list[Result]) -> str:
@@ -168,15 +232,30 @@ def table(results: list[Result]) -> str:
     return "\n".join(lines)
 
 
+def bars_table(results: list[Result]) -> str:
+    """Means of the scores of the bars, for each number of beats in most bars."""
+    lines = [f"{'beats in a bar':>14} {'n':>4} {'F':>6} {'right':>6} " + " ".join(f"{f'at {beat}':>6}" for beat in LENGTH_BEATS) + f" {'wrong changes':>14}"]
+    scored = [one.bars for one in results if one.bars]
+    for metre in sorted({one.metre for one in scored}):
+        some = [one for one in scored if one.metre == metre]
+        where_right = [one.f_where_right for one in some if one.f_where_right is not None]
+        means = [np.mean([one.f for one in some]), np.mean(where_right or [np.nan]), *np.mean([one.length_is_right for one in some], axis=0)]
+        changes = np.mean([one.wrong_changes for one in some])
+        lines.append(f"{metre:14} {len(some):4} " + " ".join(f"{mean:6.3f}" for mean in means) + f" {changes:14.3f}")
+    return "\n".join(lines)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path)
     parser.add_argument("--program", type=Path, default=Path("target/release/corybant"))
     parser.add_argument("--whole", action="store_true", help="analyse whole files instead of predicting beats as in a live show")
     parser.add_argument("--tracker", default="net")
+    parser.add_argument("--downbeats", action="store_true", help="also show the scores of the bars")
+    parser.add_argument("--beats-per-bar", default="auto", help="auto, 2, 3 or 4")
     parser.add_argument("--json", type=Path, help="file for the scores of each piece")
     options = parser.parse_args()
-    arguments = ["--whole"] if options.whole else ["--tracker", options.tracker]
+    arguments = ["--beats-per-bar", options.beats_per_bar, *(["--whole"] if options.whole else ["--tracker", options.tracker])]
     songs = sorted(path for path in options.folder.iterdir() if path.suffix in SOUNDS and path.with_suffix(".beats").exists())
     if not songs:
         parser.error(f"{options.folder} holds no music with beats (NAME.wav and NAME.beats)")
@@ -187,6 +266,8 @@ def main() -> None:
         run = lambda song: evaluate(options.program, song, kinds.get(song.stem, ""), arguments)  # noqa: E731
         results = list(pool.map(run, songs))
     print(table(results))
+    if options.downbeats:
+        print(bars_table(results))
     if options.json:
         options.json.write_text(json.dumps([asdict(one) for one in results], indent=1))
 
