@@ -38,8 +38,8 @@ const PARTS: [(usize, usize); 2] = [(0, 14), (14, 34)];
 const BANDS: usize = 34;
 /// Weights of two onset strengths in the log odds of a bar start. The entries are for onsets below
 /// 350 Hz, such as those of a bass drum, and for onsets from 350 Hz to 2 kHz, such as those of a
-/// snare drum, which mostly plays on other beats. The weights were fitted to music that was composed
-/// for training.
+/// snare drum, which mostly plays on other beats. The second weight was set on the validation set of
+/// the training, the first one was fitted to music that was composed for training.
 const ONSET_WEIGHTS: [f32; 2] = [0.55, -0.2];
 /// Weights of three novelties (measures of the change of the sound) in the log odds of a bar start.
 /// The entries are for the spectrum bands from 350 Hz to 2 kHz, for the semitones below 370 Hz, and
