@@ -12,7 +12,7 @@
 //! levels of two beats with those of the two beats before them.
 
 use crate::beat::metre::chroma::{self, Chroma, NOTES};
-use crate::beat::metre::repetition::{History, Rises};
+use crate::beat::metre::repetition::{History, OnsetBands};
 use crate::dsp::ACTIVATION_HOP;
 use crate::dsp::SAMPLE_RATE;
 use crate::dsp::decimator::{DECIMATED_HOP, DECIMATED_RATE_HZ, DECIMATOR_DELAY_S, DecimatedHop};
@@ -122,7 +122,7 @@ pub struct DownbeatFeatures {
     novelties: [RunningMean; NOVELTY_WEIGHTS.len()],
     onsets: [RunningMean; PARTS.len()],
     /// The rises of the spectrum bands at the onsets of the latest beats.
-    rises: History<Rises<BANDS>>,
+    rises: History<OnsetBands<BANDS>>,
 }
 
 impl DownbeatFeatures {
@@ -178,7 +178,7 @@ impl DownbeatFeatures {
         };
         let rises = self.rises_at(first, end);
         let onset = self.onset(&rises);
-        self.rises.add(Rises(rises));
+        self.rises.add(OnsetBands(rises));
         BeatOdds {
             first: novelty + std::mem::replace(&mut self.onset, onset),
             three: self.rises.onset_odds(),

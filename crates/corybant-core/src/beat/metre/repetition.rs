@@ -71,14 +71,14 @@ impl History<f32> {
     }
 }
 
-impl<const BANDS: usize> History<Rises<BANDS>> {
+impl<const BANDS: usize> History<OnsetBands<BANDS>> {
     /// Returns the log odds that bars have three and not four beats, from the onsets of the beats.
     /// A value is the rise of the level in each frequency band. Returns 0 if too few beats are
     /// known.
     pub fn onset_odds(&self) -> f32 {
         self.compared()
             .map_or(0.0, |(now, [three, six, four, eight])| {
-                let difference = |other: Rises<BANDS>| {
+                let difference = |other: OnsetBands<BANDS>| {
                     let bands = now.0.iter().zip(&other.0);
                     bands.map(|(now, other)| (now - other).abs()).sum::<f32>() / BANDS as f32
                 };
@@ -90,9 +90,9 @@ impl<const BANDS: usize> History<Rises<BANDS>> {
 
 /// The rise of the level in each frequency band at a beat.
 #[derive(Clone, Copy, Debug)]
-pub struct Rises<const BANDS: usize>(pub [f32; BANDS]);
+pub struct OnsetBands<const BANDS: usize>(pub [f32; BANDS]);
 
-impl<const BANDS: usize> Default for Rises<BANDS> {
+impl<const BANDS: usize> Default for OnsetBands<BANDS> {
     fn default() -> Self {
         Self([0.0; BANDS])
     }
@@ -110,7 +110,7 @@ mod tests {
             for beat in 0..40 {
                 let is_first = beat % length == 1;
                 activations.add(if is_first { 1.2f32 } else { -0.4 });
-                onsets.add(Rises(if is_first { [2.0, 0.1] } else { [0.1, 2.0] }));
+                onsets.add(OnsetBands(if is_first { [2.0, 0.1] } else { [0.1, 2.0] }));
                 let odds = (activations.activation_odds(), onsets.onset_odds());
                 assert!(beat >= 8 || odds == (0.0, 0.0), "beat {beat}: {odds:?}");
                 activation_sum += odds.0;
@@ -129,12 +129,12 @@ mod tests {
         let (mut activations, mut onsets) = (History::new(), History::new());
         for _ in 0..20 {
             activations.add(0.3);
-            onsets.add(Rises([1.0; 3]));
+            onsets.add(OnsetBands([1.0; 3]));
         }
         assert!(activations.activation_odds().abs() < 1e-6);
         assert_eq!(onsets.onset_odds(), 0.0);
         onsets.forget();
-        onsets.add(Rises([5.0; 3]));
+        onsets.add(OnsetBands([5.0; 3]));
         assert_eq!(onsets.onset_odds(), 0.0);
     }
 }
