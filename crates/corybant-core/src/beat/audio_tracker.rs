@@ -98,6 +98,9 @@ impl AudioBeatTracker {
             self.restart_bars(now);
         }
         self.update_bars();
+        if self.bars.bars().position(due.0) == 0 {
+            self.scheduler.set_bars(self.bars.bars());
+        }
         Some(due)
     }
 
@@ -212,11 +215,12 @@ impl AudioBeatTracker {
         self.publish_bars();
     }
 
-    /// Passes the bars that the bar filter has found to the scheduler. Bars of a new length begin at
-    /// the next bar line: until then, the beats are counted as before.
+    /// Passes the bars that the bar filter has found to the scheduler, unless they have another
+    /// length than before. Bars of a new length begin when the first beat of such a bar is
+    /// scheduled; until then, the beats are counted as before.
     fn publish_bars(&mut self) {
-        let (bars, counted) = (self.bars.bars(), self.scheduler.timeline().bars());
-        if bars.beats == counted.beats || bars.position(self.scheduler.next().0) == 0 {
+        let bars = self.bars.bars();
+        if bars.beats == self.scheduler.timeline().beats_per_bar() {
             self.scheduler.set_bars(bars);
         }
     }
@@ -347,8 +351,8 @@ mod tests {
         assert!(three < 24, "the waltz was found at beat {three}");
         let (before, after) = scheduled.split_at(three);
         assert!(before.iter().all(|(.., bars)| bars.beats == 4));
-        assert_eq!(after[0].2.position(after[0].0 + 1), 0, "{:?}", after[0]);
-        for &(number, time, bars) in &after[1..] {
+        assert_eq!(after[0].2.position(after[0].0), 0, "{:?}", after[0]);
+        for &(number, time, bars) in after {
             let position = ((time / 0.5).round() as usize + 3 - FIRST) % 3;
             assert_eq!((bars.beats, bars.position(number) as usize), (3, position));
         }
