@@ -255,11 +255,8 @@ fn start<'a>(
         Listeners::open(config, about, page_snapshots, &mut watchers, &context)?;
     print_addresses(config, cast, &listeners, &outputs);
     let (change_sender, changes) = handoff();
-    let collector = VitalsCollector::new(
-        &CountedOutputs::new(&outputs, &config.output),
-        context.cues.last_messages().clone(),
-        context.calibration.clone(),
-    );
+    let counted = CountedOutputs::new(&outputs, &config.output);
+    let collector = VitalsCollector::new(&counted, &context);
     let monitor = Monitor::new(cast, collector, &context.faults);
     let reload_context = ReloadContext {
         opener,

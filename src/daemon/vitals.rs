@@ -12,6 +12,7 @@ use crate::web::calibration::LiveCalibration;
 use crate::web::vitals::OutputVitals;
 
 use super::lateness::Lateness;
+use super::listeners::ListenerContext;
 use corybant_core::dsp::sound_check::SoundCheck;
 
 /// Interval between two collections of the vitals.
@@ -55,17 +56,13 @@ pub(super) struct VitalsCollector {
 }
 
 impl VitalsCollector {
-    /// Creates a collector of vitals. It reads the counters of `outputs`, the texts of the last OSC
-    /// and MIDI messages, and the calibration.
-    pub(super) fn new(
-        outputs: &CountedOutputs,
-        last_messages: Arc<LastMessages>,
-        calibration: LiveCalibration,
-    ) -> Self {
+    /// Creates a collector of vitals. It reads the counters of `outputs` and, from `context`, the
+    /// texts of the last OSC and MIDI messages and the calibration.
+    pub(super) fn new(outputs: &CountedOutputs, context: &ListenerContext) -> Self {
         let mut collector = Self {
             counters: Vec::new(),
-            last_messages,
-            calibration,
+            last_messages: context.cues.last_messages().clone(),
+            calibration: context.calibration.clone(),
             diagnosis: InputDiagnosis::default(),
             mix: SoundCheck::default(),
             vitals: Vitals::default(),
