@@ -209,7 +209,7 @@ pub fn open(
 type FindServices = Box<dyn Fn() -> Vec<Service> + Send>;
 
 /// Opens an input device of one of the audio services that `find_services` returns; the other
-/// parameters and the errors are those of [`open`].
+/// parameters and the errors are those of [`open()`].
 fn open_among(
     find_services: FindServices,
     settings: &Settings,
