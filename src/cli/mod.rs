@@ -145,6 +145,7 @@ pub fn main() -> u8 {
             return 2;
         }
     };
+    let is_start = command.is_none();
     let outcome = match command {
         Some(command) => command.run(),
         None if run::has_desktop() => start::start(),
@@ -154,6 +155,9 @@ pub fn main() -> u8 {
         Ok(()) => 0,
         Err(error) => {
             terminal::print_error(&format!("error: {error}"));
+            if is_start {
+                start::wait_for_reader();
+            }
             1
         }
     }

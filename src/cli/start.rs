@@ -13,19 +13,6 @@ use super::{Outcome, run, stop_on_signal};
 /// # Errors
 /// The show cannot start, for example because a port is in use.
 pub(super) fn start() -> Outcome {
-    let outcome = start_or_open();
-    if cfg!(windows) && outcome.is_err() {
-        // A console that was opened for this program would close before the error can be read.
-        if let Err(error) = &outcome {
-            print_line(&format!("error: {error}"));
-        }
-        print_line("Press Enter to close this window.");
-        let _ = std::io::stdin().read_line(&mut String::new());
-    }
-    outcome
-}
-
-fn start_or_open() -> Outcome {
     let listen = page_address(std::env::var(PAGE_VARIABLE).ok().as_deref())?;
     match probe::listener(listen) {
         Listener::Nobody => {}
@@ -61,4 +48,14 @@ fn open_running(link: &str) -> Outcome {
     ));
     open_in_browser(link)
         .map_err(|why| format!("no browser starts by itself ({why}); open {link}").into())
+}
+
+/// Waits for the Enter key on Windows. There, a console that was opened for this program would close
+/// before an error can be read.
+pub(super) fn wait_for_reader() {
+    if cfg!(windows) {
+        print_line("Press Enter to close this window.");
+        // Without an input there is nothing to wait for.
+        let _ = std::io::stdin().read_line(&mut String::new());
+    }
 }
