@@ -1,0 +1,329 @@
+//! The path of one foot after a splice: the foot keeps its place, or gets to the place of the new
+//! motion on the arc of a step.
+//!
+//! In: a foot in the sent pose and in the new motion, at a splice. Out: the foot at any later frame.
+//! Space: stage space. Thread: show. Allocates: never.
+//!
+//! A path leads a point of the foot: the heel, the toes, or the middle between both, whichever
+//! stands. So a foot that rolls while its rotation blends turns about the point on which it stands.
+//! A lock displaces a whole stance (the time in which heel, toes or both stand) by one shift and one
+//! turn about a vertical axis; therefore whatever stands still in the clip also stands still on the
+//! stage, while the foot rolls from the heel to the toes. The lock fades out while the foot is in
+//! the air (compare Kovar et al., "Footskate Cleanup for Motion Capture Editing", 2002).
+
+use glam::{Quat, Vec3};
+
+use crate::maths;
+use crate::motion::MOTION_FPS;
+use crate::motion::pose::heading;
+
+use crate::motion::leg::{Foot, smooth};
+
+/// Longest time in which a lock fades out after its stance, in frames.
+pub(super) const RELEASE_FRAMES: f64 = 0.25 * MOTION_FPS;
+/// Fraction of a step in which a foot that stood is lifted before it moves, and the fraction in
+/// which it is lowered after it has moved.
+const DWELL_SHARE: f32 = 0.12;
+/// Height of a step in metres, without and for each metre of its length, and the greatest height.
+const STEP_HEIGHT: (f32, f32, f32) = (0.04, 0.15, 0.1);
+/// Length of a step in metres from which on it has its full height; a shorter one is lower.
+const STEP_FULL: f32 = 0.05;
+/// Largest carried speed of a foot, in metres per frame, and of its rotation, in radians per frame.
+const CARRIED_MAX: (f32, f32) = (4.0 / MOTION_FPS as f32, 10.0 / MOTION_FPS as f32);
+/// Fraction of a path in which the carried speed of the foot decays.
+const CARRIED_SHARE: f32 = 0.6;
+
+/// Fraction of a path at its start and at its end in which the hips begin and cease to give way.
+const STRAIN_SHARE: f32 = 0.3;
+
+/// The lock of one foot: during a stance of the clip, the foot stands elsewhere than in the clip.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FootLock {
+    /// Point of the clip on the stage about which the foot is turned, in metres.
+    pub pivot: Vec3,
+    /// Horizontal shift of the foot, in metres; y is 0.
+    pub away: Vec3,
+    /// Turn of the foot about Y.
+    pub turned: Quat,
+    /// Last frame of the stance in the clip.
+    pub until: f64,
+    /// Number of frames in which the lock fades out after the stance.
+    pub release: f64,
+}
+
+impl FootLock {
+    /// Returns the weight of the lock at `frame` of the clip: 1 while the foot stands, then a
+    /// smooth fall to 0.
+    fn share(&self, frame: f64) -> f32 {
+        1.0 - smooth(((frame - self.until) / self.release.max(1.0)) as f32)
+    }
+}
+
+/// A foot at a splice: in the sent pose and in the new motion, each at the splice and one frame
+/// later.
+#[derive(Clone, Copy, Debug)]
+pub struct Meeting {
+    /// The foot in the sent pose, continued at its speed.
+    pub sent: [Foot; 2],
+    /// The foot in the new motion.
+    pub clip: [Foot; 2],
+}
+
+impl Meeting {
+    /// Returns the horizontal vector from the foot in the clip to the sent foot, in metres. `at` is
+    /// the point of the foot that is compared, in the space of the ankle.
+    pub fn away(&self, at: Vec3) -> Vec3 {
+        let away = self.sent[0].point(at) - self.clip[0].point(at);
+        Vec3::new(away.x, 0.0, away.z)
+    }
+
+    /// Returns the turn about Y from the foot in the clip to the sent foot.
+    pub fn turned(&self) -> Quat {
+        heading(self.sent[0].turn * self.clip[0].turn.inverse())
+    }
+}
+
+/// The path of one foot from a splice on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FootPath {
+    /// The point of the foot that the path leads, in the space of the ankle.
+    at: Vec3,
+    /// Frame of the clip at which the path begins, and number of frames after which the foot is at
+    /// the place of the clip, or of the lock.
+    pub frames: (f64, f64),
+    /// Frame of the clip up to which the path leads the foot, because the blend of the other joints
+    /// goes on after the foot is at its place.
+    until: f64,
+    /// Difference between the sent foot and the clip, or the lock, at the start: shift in metres,
+    /// and rotation vector in radians.
+    difference: (Vec3, Vec3),
+    /// Rate of change of the difference at the start, in metres and radians per frame.
+    speed: (Vec3, Vec3),
+    /// Greatest height by which the foot is lifted on the way, in metres.
+    lift: f32,
+    /// True if the foot stands at the start: then it is lifted before it moves.
+    is_step: bool,
+    /// The lock of the foot, if there is one.
+    lock: Option<FootLock>,
+}
+
+impl FootPath {
+    /// Returns the path of a foot that stands, in the old and in the new motion, on its point
+    /// `at`. `frames` is as in [`FootPath::frames`]; `stance` is the last frame of the stance and
+    /// the number of frames in which the lock fades out after it.
+    pub fn held(meeting: &Meeting, at: Vec3, frames: (f64, f64), stance: (f64, f64)) -> Self {
+        let lock = FootLock {
+            pivot: meeting.clip[0].point(at),
+            away: meeting.away(at),
+            turned: meeting.turned(),
+            until: stance.0,
+            release: stance.1,
+        };
+        let mut path = Self::free(meeting, at, frames, Some(lock));
+        // The point stands; its small speed is noise.
+        path.speed.0 = Vec3::ZERO;
+        path.difference.0 *= Vec3::Y;
+        path
+    }
+
+    /// Returns the path of a foot that stands in the old motion and gets to the place of the new
+    /// motion with a step.
+    pub fn step(meeting: &Meeting, at: Vec3, frames: (f64, f64)) -> Self {
+        let mut path = Self::free(meeting, at, frames, None);
+        path.speed = (Vec3::ZERO, Vec3::ZERO);
+        (path.lift, path.is_step) = (step_height(meeting.away(at).length()), true);
+        path
+    }
+
+    /// Returns the path of a foot that is in the air in the old motion, and gets to the place of
+    /// the new motion.
+    pub fn landing(meeting: &Meeting, at: Vec3, frames: (f64, f64)) -> Self {
+        let mut path = Self::free(meeting, at, frames, None);
+        // A foot that is high enough needs no arc.
+        path.lift =
+            (step_height(meeting.away(at).length()) - path.difference.0.y.max(0.0)).max(0.0);
+        path
+    }
+
+    /// Returns the path, which leads the foot at least up to `frame` of the clip.
+    pub fn at_least_until(self, frame: f64) -> Self {
+        Self {
+            until: self.until.max(frame),
+            ..self
+        }
+    }
+
+    /// Returns a path without a lift, on which the difference of place, rotation and speed decays.
+    fn free(meeting: &Meeting, at: Vec3, frames: (f64, f64), lock: Option<FootLock>) -> Self {
+        let differences = [0, 1].map(|i| {
+            let clip = locked(lock.as_ref(), &meeting.clip[i], at, 1.0);
+            let turn = meeting.sent[i].turn * clip.turn.inverse();
+            let turn = if turn.w < 0.0 { -turn } else { turn };
+            (
+                meeting.sent[i].point(at) - clip.point(at),
+                turn.to_scaled_axis(),
+            )
+        });
+        let [difference, later] = differences;
+        let speed = (later.0 - difference.0).clamp_length_max(CARRIED_MAX.0);
+        // A foot that falls faster would get below its place and rise again.
+        let falling = -3.0 * difference.0.y.max(0.0) / (CARRIED_SHARE * frames.1 as f32).max(1.0);
+        Self {
+            at,
+            frames,
+            until: frames.0 + frames.1,
+            difference,
+            speed: (
+                Vec3::new(speed.x, speed.y.max(falling), speed.z),
+                (later.1 - difference.1).clamp_length_max(CARRIED_MAX.1),
+            ),
+            lift: 0.0,
+            is_step: false,
+            lock,
+        }
+    }
+
+    /// Returns the strength of the path at `frame` of the clip, 0 to 1; 0 once the foot is at the
+    /// place of the clip.
+    pub fn share(&self, frame: f64) -> f32 {
+        let on_the_way = frame < self.until;
+        let locked = self.lock.map_or(0.0, |lock| lock.share(frame));
+        if on_the_way { 1.0 } else { locked }
+    }
+
+    /// Returns the weight, 0 to 1, with which the hips give way at `frame` of the clip if the leg
+    /// cannot reach the foot. It is 0 at the start of the path, where the blend holds the hips, and
+    /// at its end.
+    pub fn strain(&self, frame: f64) -> f32 {
+        let (into, length) = (
+            (frame - self.frames.0) as f32,
+            (self.until - self.frames.0) as f32,
+        );
+        let locked = self.lock.map_or(0.0, |lock| lock.share(frame));
+        let way = smooth((length - into) / (STRAIN_SHARE * length));
+        smooth(into / (STRAIN_SHARE * length)) * way.max(locked)
+    }
+
+    /// Returns the place and the rotation of the foot at `frame` of the clip, in which the foot is
+    /// `clip`.
+    pub fn foot(&self, frame: f64, clip: &Foot) -> Foot {
+        let share = self.lock.map_or(0.0, |lock| lock.share(frame));
+        let clip = locked(self.lock.as_ref(), clip, self.at, share);
+        let into = (frame - self.frames.0).max(0.0);
+        let u = (into / self.frames.1.max(1.0)).min(1.0) as f32;
+        let left = self.left(u);
+        let carried = into as f32 * maths::powi(1.0 - (u / CARRIED_SHARE).min(1.0), 2);
+        let turn =
+            Quat::from_scaled_axis(self.difference.1 * left + self.speed.1 * carried) * clip.turn;
+        let mut place = clip.point(self.at) + self.difference.0 * left + self.speed.0 * carried;
+        place.y += self.lift * arc(u);
+        Foot {
+            place: place - turn * self.at,
+            turn,
+        }
+    }
+
+    /// Returns the share of the difference that is left at the share `u` of the way.
+    fn left(&self, u: f32) -> f32 {
+        let from = if self.is_step { DWELL_SHARE } else { 0.0 };
+        let until = if self.lift > 0.0 {
+            1.0 - DWELL_SHARE
+        } else {
+            1.0
+        };
+        let x = ((u - from) / (until - from)).clamp(0.0, 1.0);
+        if self.is_step {
+            1.0 - x * x * x * (10.0 + x * (6.0 * x - 15.0))
+        } else {
+            1.0 - smooth(x)
+        }
+    }
+}
+
+/// Returns the foot `clip` displaced by `lock` with the weight `share`. `at` is the point of the
+/// foot that is displaced, in the space of the ankle.
+fn locked(lock: Option<&FootLock>, clip: &Foot, at: Vec3, share: f32) -> Foot {
+    let Some(lock) = lock.filter(|_| share > 0.0) else {
+        return *clip;
+    };
+    let from = clip.point(at);
+    let to = lock.pivot + lock.turned * (from - lock.pivot) + lock.away;
+    let turn = Quat::IDENTITY.slerp(lock.turned, share) * clip.turn;
+    Foot {
+        place: from.lerp(to, share) - turn * at,
+        turn,
+    }
+}
+
+/// Returns the height of a foot on its way, as a share of the greatest height; `u` is the share of
+/// the way. Height and speed are 0 at both ends.
+fn arc(u: f32) -> f32 {
+    smooth(4.0 * u * (1.0 - u))
+}
+
+/// Returns the greatest height of a step of `length` metres, in metres.
+pub(super) fn step_height(length: f32) -> f32 {
+    let (least, more, most) = STEP_HEIGHT;
+    (smooth(length / STEP_FULL) * least + more * length).min(most)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TOE: Vec3 = Vec3::new(0.0, -0.08, 0.15);
+
+    fn foot(place: Vec3, turn: Quat) -> Foot {
+        Foot { place, turn }
+    }
+
+    /// A foot that rolls over its toes, which stay at the origin: the heel rises with `angle`.
+    fn rolling(angle: f32) -> Foot {
+        let turn = Quat::from_rotation_x(angle);
+        foot(-(turn * TOE), turn)
+    }
+
+    #[test]
+    fn a_locked_foot_rolls_from_heel_to_toes_without_a_slide() {
+        let sent = foot(Vec3::new(0.1, 0.08, -0.05), Quat::from_rotation_y(0.3));
+        let meeting = Meeting {
+            sent: [sent; 2],
+            clip: [rolling(0.0); 2],
+        };
+        let path = FootPath::held(&meeting, TOE, (0.0, 20.0), (60.0, 15.0));
+        let flat = Vec3::new(1.0, 0.0, 1.0);
+        for frame in 0..=60 {
+            let clip = rolling(0.8 * smooth((frame as f32 - 10.0) / 30.0));
+            let toes = path.foot(f64::from(frame), &clip).point(TOE);
+            let slid = (toes - sent.point(TOE)) * flat;
+            assert!(slid.length() < 1e-4, "{slid} in frame {frame}");
+        }
+        let end = path.foot(75.0, &rolling(0.8));
+        assert!(end.place.distance(rolling(0.8).place) < 1e-4);
+        assert_eq!(path.share(75.0), 0.0);
+    }
+
+    #[test]
+    fn a_step_lifts_the_foot_before_it_moves_and_stops_before_it_lands() {
+        let sent = foot(Vec3::new(0.3, 0.08, 0.0), Quat::IDENTITY);
+        let clip = foot(Vec3::new(0.0, 0.08, 0.0), Quat::IDENTITY);
+        let meeting = Meeting {
+            sent: [sent; 2],
+            clip: [clip; 2],
+        };
+        let path = FootPath::step(&meeting, Vec3::ZERO, (0.0, 20.0));
+        let places: Vec<Vec3> = (0..=200)
+            .map(|i| path.foot(f64::from(i) / 10.0, &clip).place)
+            .collect();
+        assert!(places[0].distance(sent.place) < 1e-6 && places[200].distance(clip.place) < 1e-6);
+        let highest = places.iter().map(|it| it.y - 0.08).fold(0.0, f32::max);
+        assert!((0.05..0.1).contains(&highest), "{highest}");
+        for it in places.iter().filter(|it| it.y < 0.08 + 0.015) {
+            let slid = it.x.min(0.3 - it.x);
+            assert!(slid < 0.01, "{slid} m at the height {}", it.y);
+        }
+        let fastest = places.windows(2).map(|it| it[0].distance(it[1]) * 600.0);
+        assert!(fastest.fold(0.0, f32::max) < 3.0);
+        assert!(step_height(0.1) < step_height(0.3) && step_height(0.0) == 0.0);
+    }
+}
