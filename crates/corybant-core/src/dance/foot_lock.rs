@@ -164,8 +164,9 @@ impl Feet {
         let mut drop = 0.0_f32;
         let targets: [Option<Foot>; FEET] = std::array::from_fn(|i| {
             let path = paths[i].filter(|path| path.share(frame) > 0.0)?;
-            let (leg, target) = (self.legs.get(i)?, path.foot(frame, &clip[i]));
+            let leg = self.legs.get(i)?;
             let leg_pose = leg.pose_of(skeleton, pose);
+            let target = leg_pose.near(path.foot(frame, &clip[i]));
             drop = drop.max(path.strain(frame) * leg.drop_for(&leg_pose, target.place));
             Some(target)
         });

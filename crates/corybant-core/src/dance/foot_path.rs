@@ -139,9 +139,9 @@ impl FootPath {
     /// the new motion.
     pub fn landing(meeting: &Meeting, at: Vec3, frames: (f64, f64)) -> Self {
         let mut path = Self::free(meeting, at, frames, None);
-        // A foot that is high enough needs no arc.
-        path.lift =
-            (step_height(meeting.away(at).length()) - path.difference.0.y.max(0.0)).max(0.0);
+        // A foot that is high already needs a lower arc.
+        let height = step_height(meeting.away(at).length());
+        path.lift = (height - 0.5 * path.difference.0.y).clamp(0.5 * height, height);
         path
     }
 

@@ -122,6 +122,10 @@ impl Footing {
         std::array::from_fn(|i| {
             let (meeting, at) = (self.meeting(i, new), self.at[i]);
             let until = self.stances[i].map_or(f64::INFINITY, |it| it.frames.0 - 2.0 - frame);
+            if !self.stood[i] && !self.stands[i] && until > most {
+                // The foot is in the air; it blends as the other joints.
+                return None;
+            }
             let path = match (self.stood[i], self.stands[i], self.stances[i]) {
                 (true, true, Some(stance)) if Feet::may_lock(&meeting, at) => {
                     let swing = (stance.next - stance.frames.1).clamp(1.0, RELEASE_FRAMES);

@@ -22,6 +22,9 @@ const STRETCH: f32 = 0.96;
 
 /// Fraction of a leg's length that a leg may reach before the hips give way.
 const REACH: f32 = 0.975;
+/// Distance of a target from the ankle, as a fraction of the leg's length, from which on a foot
+/// follows it only partly, and from which on not at all.
+const FAR: (f32, f32) = (0.5, 0.9);
 /// Excess of the distance to the foot at which the hips begin to give way, in metres.
 const DROP_SOFT: f32 = 0.006;
 /// Largest distance by which the hips give way, in metres.
@@ -57,6 +60,19 @@ pub(crate) struct LegPose {
 }
 
 impl LegPose {
+    /// Returns `target` or, if it is far from the ankle, a foot between both. Inverse kinematics
+    /// would swing the whole leg to a far target, and turn it about any axis to an opposite one.
+    pub fn near(&self, target: Foot) -> Foot {
+        let [hip, knee, ankle] = self.places;
+        let length = (hip.distance(knee) + knee.distance(ankle)).max(1e-4);
+        let far = ankle.distance(target.place) / length;
+        let share = 1.0 - smooth((far - FAR.0) / (FAR.1 - FAR.0));
+        Foot {
+            place: ankle.lerp(target.place, share),
+            turn: self.turns[2].slerp(target.turn, share),
+        }
+    }
+
     /// Returns the axis in stage space about which the knee is bent. The length of the axis is the
     /// bend: the sine of the angle between the thigh and the line from hip to ankle.
     fn bend(&self) -> Vec3 {

@@ -21,16 +21,13 @@ pub struct Motions {
     pub source: Graph,
 }
 
-/// Imports the motion files of `folder` for which `used` returns true, as `corybant build` does.
-pub fn folder(folder: &Path, used: &dyn Fn(&str) -> bool) -> Motions {
+/// Imports the motion files of `folder` as `corybant build` does.
+pub fn folder(folder: &Path) -> Motions {
     let table = std::fs::read_to_string(folder.join("clips.toml")).unwrap();
     let table: toml::Table = table.parse().unwrap();
     let (mut clips, mut all_options) = (Vec::new(), Vec::new());
     for row in table["clip"].as_array().unwrap() {
         let file = row["file"].as_str().unwrap();
-        if !used(file) {
-            continue;
-        }
         let number = |value: &toml::Value| value.as_integer().map(|it| it as f64);
         let options = ImportOptions {
             label: row.get("label").map(|it| it.as_str().unwrap().into()),
@@ -112,6 +109,35 @@ fn turn_of(graph: &Graph, dancer: &Dancer, line: &Line) -> Quat {
     heading(danced.rotations[0]) * heading(clip.rotations[0]).inverse()
 }
 
+/// The labels that the dance shall have: a random one every 8 beats, or none.
+struct Wishes {
+    random: fastrand::Rng,
+    all: Vec<Attribute>,
+    wish: Attribute,
+    next_beat: u32,
+}
+
+impl Wishes {
+    /// Returns the wish at `beat`, and the factor by which the beat period changes there.
+    fn at(&mut self, beat: u32) -> (Attribute, f64) {
+        if beat >= self.next_beat {
+            self.wish = self.all[self.random.usize(..self.all.len())];
+            self.next_beat = beat + 8;
+        }
+        (self.wish, 0.97 + 0.06 * self.random.f64())
+    }
+}
+
+/// Returns music of medium energy on the beat with the number `beat`.
+fn music(beat: u32, period: f64) -> MusicBeat {
+    MusicBeat {
+        seconds: period as f32,
+        energy: 0.6,
+        bar_position: beat % 4,
+        beats_per_bar: 4,
+    }
+}
+
 /// Dances `seconds` on `graph`. With `cued`, a random label is wanted every 8 beats and the tempo
 /// changes by some percent; otherwise the motions without a label are danced at 120 bpm.
 pub fn danced(graph: &Arc<Graph>, seconds: f64, cued: bool) -> Dance {
@@ -123,9 +149,12 @@ pub fn danced(graph: &Arc<Graph>, seconds: f64, cued: bool) -> Dance {
     let beyond = Arc::new(TerminalCost::new(graph, &settings, 4));
     let mut planner = Planner::new(graph.clone(), &settings, beyond, start, faults);
     let mut dancer = Dancer::new(graph.clone(), &dance::Settings::default(), start, 0.0..1.0);
-    let mut random = fastrand::Rng::with_seed(7);
-    let wishes: Vec<Attribute> = graph.attributes().into_iter().collect();
-    let mut wish = Attribute::None;
+    let mut wishes = Wishes {
+        random: fastrand::Rng::with_seed(7),
+        all: graph.attributes().into_iter().collect(),
+        wish: Attribute::None,
+        next_beat: 8,
+    };
     let mut step = CommittedStep {
         from: start,
         via: start,
@@ -135,7 +164,7 @@ pub fn danced(graph: &Arc<Graph>, seconds: f64, cued: bool) -> Dance {
     };
     planner.note_step(step);
     let (mut lines, mut ticks) = (Vec::<Line>::new(), Vec::new());
-    let (mut beat, mut now, mut next_wish) = (0_u32, 0.0, 8);
+    let (mut beat, mut now, mut wish) = (0_u32, 0.0, Attribute::None);
     let (mut period, mut turn) = (0.5, Quat::IDENTITY);
     let mut pose = Pose::rest(graph.skeleton.len());
     while now < seconds {
@@ -165,21 +194,15 @@ pub fn danced(graph: &Arc<Graph>, seconds: f64, cued: bool) -> Dance {
         }
         now = end;
         beat += step.beats;
-        if cued && beat >= next_wish {
-            wish = wishes[random.usize(..wishes.len())];
-            next_wish = beat + 8;
-        }
         if cued {
-            period = (period * (0.97 + 0.06 * random.f64())).clamp(0.4, 0.6);
+            let (wished, slower) = wishes.at(beat);
+            wish = wished;
+            period = (period * slower).clamp(0.4, 0.6);
         }
         let wanted = vec![wish; planner.horizon() + 1];
-        let ahead = |n| MusicBeat {
-            seconds: period as f32,
-            energy: 0.6,
-            bar_position: (beat + n) % 4,
-            beats_per_bar: 4,
-        };
-        let music: Vec<MusicBeat> = (0..planner.horizon() as u32).map(ahead).collect();
+        let music: Vec<MusicBeat> = (0..planner.horizon() as u32)
+            .map(|ahead| music(beat + ahead, period))
+            .collect();
         step = planner.commit(&wanted, &music);
         dancer.commit(step, period);
     }

@@ -23,10 +23,10 @@ const FRAMES_MIN: usize = 6;
 const LIFTED_M: f32 = 0.02;
 
 /// A point of a foot: the joint with which it moves, and its position in the joint's space.
-pub type Point = (usize, Vec3);
+type Point = (usize, Vec3);
 
 /// Returns the points of the feet of `skeleton`: left heel, left toe, right heel, right toe.
-pub fn points(skeleton: &Skeleton) -> Vec<Point> {
+fn points(skeleton: &Skeleton) -> Vec<Point> {
     let humanoid = Humanoid::new(skeleton);
     let joint = |bone| Some(humanoid.bones[humanoid.find(bone)?].joint);
     let sides = [
@@ -65,13 +65,8 @@ fn flat(place: Vec3) -> Vec3 {
     Vec3::new(place.x, 0.0, place.z)
 }
 
-/// The points of the feet in one clip of the source: `[point][frame]`.
-struct SourceClip {
-    places: Vec<Vec<Vec3>>,
-    contact: Vec<Vec<bool>>,
-}
-
-fn source_clip(graph: &Graph, clip: u32, points: &[Point]) -> SourceClip {
+/// Returns `[point][frame]`: true if the point is in contact in a clip.
+fn contacts(graph: &Graph, clip: u32, points: &[Point]) -> Vec<Vec<bool>> {
     let frames = graph.clips[clip as usize].frames as usize;
     let mut pose = Pose::rest(graph.skeleton.len());
     let mut all = vec![Vec::with_capacity(frames); points.len()];
@@ -80,11 +75,7 @@ fn source_clip(graph: &Graph, clip: u32, points: &[Point]) -> SourceClip {
         let at = places(&graph.skeleton, &pose, points).1;
         all.iter_mut().zip(at).for_each(|(all, at)| all.push(at));
     }
-    let contact = all.iter().map(|places| contact_of(places)).collect();
-    SourceClip {
-        places: all,
-        contact,
-    }
+    all.iter().map(|places| contact_of(places)).collect()
 }
 
 /// Returns for each frame whether a point with the path `places` is in contact with the floor.
@@ -121,8 +112,6 @@ pub enum Cause {
 pub struct Slide {
     pub metres: f32,
     pub cause: Cause,
-    /// Index of the point, and of the first and the last pose.
-    pub at: (usize, usize, usize),
 }
 
 /// The figures of one dance.
@@ -165,91 +154,127 @@ fn legs(skeleton: &Skeleton) -> Vec<[usize; 3]> {
     .collect()
 }
 
+/// The points of the feet in each pose of a dance.
+#[derive(Default)]
+struct Tracks {
+    /// `[pose][point]`: place in the sent pose, and in the source in its own coordinates.
+    sent: Vec<Vec<Vec3>>,
+    source: Vec<Vec<Vec3>>,
+    /// `[pose][point]`: true if the point is in contact in the source.
+    contact: Vec<Vec<bool>>,
+}
+
+impl Tracks {
+    /// Returns true if the sent point is in contact, and not lifted.
+    fn stands(&self, pose: usize, point: usize) -> bool {
+        let lift = self.sent[pose][point].y - self.source[pose][point].y;
+        self.contact[pose][point] && lift <= LIFTED_M
+    }
+
+    /// Returns the slides of `point` in the source motions.
+    fn source_slides(&self, dance: &Dance, point: usize) -> Vec<f32> {
+        let goes_on = |pose: usize| !changes(dance, pose);
+        let runs = runs(self.sent.len(), |pose| self.contact[pose][point], goes_on);
+        runs.map(|(from, to)| slide(self.source[from..=to].iter().map(|at| at[point])))
+            .collect()
+    }
+
+    /// Returns the slides of `point` in the dance.
+    fn slides(&self, dance: &Dance, point: usize) -> Vec<Slide> {
+        let runs = runs(self.sent.len(), |pose| self.stands(pose, point), |_| true);
+        runs.map(|(from, to)| Slide {
+            metres: slide(self.sent[from..=to].iter().map(|at| at[point])),
+            cause: cause(dance, from, to),
+        })
+        .collect()
+    }
+}
+
+/// Returns the first and the last pose of each time in which `stands` is true. A new time begins
+/// where `goes_on` is false.
+fn runs(
+    poses: usize,
+    stands: impl Fn(usize) -> bool,
+    goes_on: impl Fn(usize) -> bool,
+) -> impl Iterator<Item = (usize, usize)> {
+    let mut runs: Vec<(usize, usize)> = Vec::new();
+    for pose in (0..poses).filter(|&pose| stands(pose)) {
+        match runs.last_mut() {
+            Some(last) if last.1 + 1 == pose && goes_on(pose) => last.1 = pose,
+            _ => runs.push((pose, pose)),
+        }
+    }
+    let long = |it: &(usize, usize)| it.1 + 1 - it.0 >= FRAMES_MIN;
+    runs.into_iter().filter(long)
+}
+
+/// The largest speeds of joints and knees, each in the dance and in the source.
+#[derive(Default)]
+struct Extremes {
+    speeds: [f32; 2],
+    knees: [f32; 2],
+    /// The places of the joints in the pose before.
+    before: [Vec<Vec3>; 2],
+}
+
+impl Extremes {
+    /// Adds a pose. `changed` is true if the motion has changed since the pose before.
+    fn add(&mut self, legs: &[[usize; 3]], now: [Vec<Vec3>; 2], changed: bool) {
+        for (n, (now, before)) in now.iter().zip(&self.before).enumerate() {
+            if before.is_empty() || n == 1 && changed {
+                continue;
+            }
+            let far = now.iter().zip(before).map(|(a, b)| a.distance(*b));
+            let speeds = far.map(|far| far * MOTION_FPS as f32);
+            self.speeds[n] = speeds.fold(self.speeds[n], f32::max);
+            let bends = knees(legs, now).into_iter().zip(knees(legs, before));
+            let bends = bends.map(|(a, b)| (a - b).abs());
+            self.knees[n] = bends.fold(self.knees[n], f32::max);
+        }
+        self.before = now;
+    }
+}
+
 /// Measures `dance`, a dance on `motions`.
 pub fn measure(motions: &Motions, dance: &Dance) -> Figures {
     let skeleton = &motions.graph.skeleton;
     let (points, legs) = (points(skeleton), legs(skeleton));
-    let clips: Vec<SourceClip> = (0..motions.source.clips.len())
-        .map(|clip| source_clip(&motions.source, clip as u32, &points))
+    let clips: Vec<Vec<Vec<bool>>> = (0..motions.source.clips.len())
+        .map(|clip| contacts(&motions.source, clip as u32, &points))
         .collect();
     let mut raw = Pose::rest(skeleton.len());
-    let (mut sent, mut stands, mut source) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut speeds, mut bends) = ([0.0_f32; 2], [0.0_f32; 2]);
-    let mut before: Option<[Vec<Vec3>; 2]> = None;
+    let (mut tracks, mut extremes) = (Tracks::default(), Extremes::default());
     for (i, tick) in dance.ticks.iter().enumerate() {
         let line = &dance.lines[tick.line];
         let frame = line.frame_at(tick.beat);
-        let clip = &clips[line.clip as usize];
-        let whole = (frame.round() as usize).min(clip.places[0].len() - 1);
-        let (joints, at) = places(skeleton, &tick.pose, &points);
         motions.source.sample(line.clip, frame, &mut raw);
-        let (raw_joints, raw_at) = places(skeleton, &raw, &points);
-        let new_line = i > 0 && dance.ticks[i - 1].line != tick.line;
-        if let Some(before) = &before {
-            for (n, (now, before)) in [&joints, &raw_joints].into_iter().zip(before).enumerate() {
-                if n == 1 && new_line {
-                    continue;
-                }
-                let far = now.iter().zip(before).map(|(a, b)| a.distance(*b));
-                speeds[n] = far.fold(speeds[n], |a, b| a.max(b * MOTION_FPS as f32));
-                let bend = knees(&legs, now).into_iter().zip(knees(&legs, before));
-                bends[n] = bend.fold(bends[n], |most, (a, b)| most.max((a - b).abs()));
-            }
-        }
-        let stand = |point: usize| clip.contact[point][whole];
-        let low = |point: usize| at[point].y <= raw_at[point].y + LIFTED_M;
-        stands.push(
-            (0..points.len())
-                .map(|point| [stand(point), stand(point) && low(point)])
-                .collect::<Vec<_>>(),
-        );
-        before = Some([joints, raw_joints]);
-        sent.push(at);
-        source.push(raw_at);
+        let (joints, sent) = places(skeleton, &tick.pose, &points);
+        let (raw_joints, source) = places(skeleton, &raw, &points);
+        let changed = i > 0 && changes(dance, i);
+        extremes.add(&legs, [joints, raw_joints], changed);
+        let clip = &clips[line.clip as usize];
+        let contact = clip
+            .iter()
+            .map(|contact| contact[(frame.round() as usize).min(contact.len() - 1)]);
+        tracks.contact.push(contact.collect());
+        tracks.sent.push(sent);
+        tracks.source.push(source);
     }
-    let mut figures = Figures {
-        slides: Vec::new(),
-        source: Vec::new(),
-        speeds,
-        knees: bends,
+    let all = 0..points.len();
+    Figures {
+        slides: all
+            .clone()
+            .flat_map(|it| tracks.slides(dance, it))
+            .collect(),
+        source: all.flat_map(|it| tracks.source_slides(dance, it)).collect(),
+        speeds: extremes.speeds,
+        knees: extremes.knees,
         transitions: dance.lines.iter().filter(|it| it.is_transition).count(),
-    };
-    for point in 0..points.len() {
-        let mut from = 0;
-        while from < sent.len() {
-            let runs = |n: usize, same_line: bool| {
-                (from..sent.len())
-                    .take_while(|&i| stands[i][point][n])
-                    .take_while(|&i| !same_line || i == from || !changes(dance, i))
-                    .count()
-            };
-            let run = runs(1, false);
-            if run >= FRAMES_MIN {
-                figures.slides.push(Slide {
-                    metres: slide(sent[from..from + run].iter().map(|at| at[point])),
-                    cause: cause(dance, from, from + run - 1),
-                    at: (point, from, from + run - 1),
-                });
-            }
-            from += run.max(1);
-        }
-        from = 0;
-        while from < source.len() {
-            let run = (from..source.len())
-                .take_while(|&i| stands[i][point][0] && (i == from || !changes(dance, i)))
-                .count();
-            if run >= FRAMES_MIN {
-                let slid = slide(source[from..from + run].iter().map(|at| at[point]));
-                figures.source.push(slid);
-            }
-            from += run.max(1);
-        }
     }
-    figures
 }
 
 /// Returns true if the motion changes between the pose `tick` and the pose before it.
-pub fn changes(dance: &Dance, tick: usize) -> bool {
+fn changes(dance: &Dance, tick: usize) -> bool {
     let (line, before) = (dance.ticks[tick].line, dance.ticks[tick - 1].line);
     line != before && (dance.lines[line].is_transition || dance.lines[line].is_correction)
 }
@@ -278,39 +303,4 @@ pub fn percentile(values: &[f32], share: f64) -> f32 {
         .get(((sorted.len().max(1) - 1) as f64 * share) as usize)
         .copied()
         .unwrap_or(0.0)
-}
-
-pub fn trace(motions: &Motions, dance: &Dance, point: usize, ticks: std::ops::Range<usize>) {
-    let skeleton = &motions.graph.skeleton;
-    let points = points(skeleton);
-    let mut raw = Pose::rest(skeleton.len());
-    for i in ticks {
-        let tick = &dance.ticks[i];
-        let line = &dance.lines[tick.line];
-        let clip = source_clip(&motions.source, line.clip, &points);
-        let frame = line.frame_at(tick.beat);
-        motions.source.sample(line.clip, frame, &mut raw);
-        let a = places(skeleton, &tick.pose, &points).1[point];
-        let b = places(skeleton, &raw, &points).1[point];
-        let c: Vec<_> = motions.graph.clips[line.clip as usize]
-            .contacts
-            .iter()
-            .filter(|c| {
-                usize::from(c.joint) == points[point / 2 * 2].0
-                    && f64::from(c.first) <= frame
-                    && frame <= f64::from(c.last)
-            })
-            .map(|c| (c.part, c.first, c.last))
-            .collect();
-        println!(
-            "    T {point} {i} {} {frame:.1} sent {:.3} {:.3} {:.3} srcy {:.3} {} {c:?} {}",
-            motions.graph.clips[line.clip as usize].name,
-            a.x,
-            a.y,
-            a.z,
-            b.y,
-            clip.contact[point][frame.round() as usize],
-            if changes(dance, i) { "SPLICE" } else { "" }
-        );
-    }
 }
