@@ -6,10 +6,11 @@
 //! Allocates: freely.
 //! Source: compare Kovar et al., "Footskate Cleanup for Motion Capture Editing", 2002.
 //!
-//! A heel or toe that stands is moved to its mean place of the contact. The correction changes
-//! smoothly between two contacts. Heel and toes are corrected by a shift and a turn of the foot
-//! about a vertical axis; the leg follows by inverse kinematics. A heel or toe that moves farther
-//! during its contact does so on purpose, as in a twist, and is not corrected.
+//! A heel or toe that creeps is moved to its mean place of the contact; one that stands still for
+//! half of its contact is moved to where it stands. The correction changes smoothly between two
+//! contacts. Heel and toes are corrected by a shift and a turn of the foot about a vertical axis;
+//! the leg follows by inverse kinematics. A heel or toe that moves farther during its contact does
+//! so on purpose, as in a twist, and is not corrected.
 
 use glam::{Quat, Vec3};
 
@@ -19,6 +20,9 @@ use crate::motion::{Clip, Contact, FootPart, Pose};
 
 /// Largest distance of a creeping point from its mean place that is corrected, in metres.
 const CREEP_MAX: f32 = 0.045;
+/// Distance that a point moves at most in the half of a contact in which it stands still, in
+/// metres.
+const STILL_M: f32 = 0.002;
 /// Longest time before and after a contact in which its correction fades, in frames.
 const FADE_FRAMES: usize = 15;
 /// Half the width of the window over which corrections are smoothed, in frames.
@@ -79,25 +83,39 @@ struct Part {
 impl Part {
     /// Returns the correction of the point `at` of the foot, given in the space of the ankle.
     fn of(feet: &[Foot], at: Vec3, contacts: &[Contact]) -> Self {
-        let flat = |place: Vec3| place * Vec3::new(1.0, 0.0, 1.0);
-        let mut anchors: Vec<Option<Vec3>> = vec![None; feet.len()];
+        let mut known: Vec<Option<Vec3>> = vec![None; feet.len()];
         let mut weights = vec![FREE_WEIGHT; feet.len()];
         for contact in contacts {
             let frames = contact.first as usize..=contact.last as usize;
-            let places = || feet[frames.clone()].iter().map(|foot| flat(foot.point(at)));
-            let mean = places().sum::<Vec3>() / places().len() as f32;
-            if places().all(|place| place.distance(mean) <= CREEP_MAX) {
-                anchors[frames.clone()].fill(Some(mean));
+            let places: Vec<Vec3> = feet[frames.clone()]
+                .iter()
+                .map(|foot| foot.point(at) * Vec3::new(1.0, 0.0, 1.0))
+                .collect();
+            let anchor = anchor_of(&places);
+            for (frame, place) in frames.clone().zip(&places) {
+                known[frame] = Some(anchor.map_or(Vec3::ZERO, |anchor| anchor - *place));
             }
             weights[frames].fill(1.0);
         }
-        let known = |frame: usize| Some(anchors[frame]? - flat(feet[frame].point(at)));
-        let shifts: Vec<Vec3> = filled(feet.len(), known);
+        let shifts = filled(feet.len(), |frame| known[frame]);
         Self {
             shifts: smoothed(&shifts),
             weights: smoothed(&weights),
         }
     }
+}
+
+/// Returns the place to which a point of a foot is moved that has the places `places` in a contact:
+/// where it stands still for half of the contact, or else its mean place. `None` if the point moves
+/// on purpose.
+fn anchor_of(places: &[Vec3]) -> Option<Vec3> {
+    let half = places.len() / 2;
+    let stays = |from: &usize| places[*from].distance(places[from + half]) <= STILL_M;
+    let still = (0..places.len() - half).find(stays);
+    let mean = || places.iter().sum::<Vec3>() / places.len() as f32;
+    let anchor = still.map_or_else(mean, |from| places[from + half / 2]);
+    let far = places.iter().map(|place| place.distance(anchor));
+    (far.fold(0.0, f32::max) <= CREEP_MAX).then_some(anchor)
 }
 
 /// Returns a value for each of `frames`: the known ones, and between them smooth transitions, which
@@ -184,6 +202,21 @@ fn reach(clip: &mut Clip, leg: &Leg, frame: usize, target: Foot, led: f32) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_creeping_points_are_moved() {
+        let places = |speed: f32| -> Vec<Vec3> {
+            (0..40)
+                .map(|frame| Vec3::X * speed * frame as f32)
+                .collect()
+        };
+        let creeping = anchor_of(&places(0.001)).unwrap();
+        assert!(creeping.distance(Vec3::X * 0.0195) < 1e-5, "{creeping}");
+        let mut landing = places(0.0);
+        landing[0] = Vec3::X * 0.01;
+        assert_eq!(anchor_of(&landing), Some(Vec3::ZERO), "a point that lands");
+        assert_eq!(anchor_of(&places(0.004)), None, "a point that is moved");
+    }
 
     #[test]
     fn a_gap_between_two_corrections_is_filled_smoothly() {
