@@ -22,6 +22,9 @@ const STRETCH: f32 = 0.96;
 
 /// Fraction of a leg's length that a leg may reach before the hips give way.
 const REACH: f32 = 0.975;
+/// Distance from hip to ankle, as a fraction of the leg's length, from which on a knee is corrected
+/// that bends backwards, and the additional distance at which it is corrected fully.
+const GUARDED: (f32, f32) = (0.7, 0.2);
 /// Distance of a target from the ankle, as a fraction of the leg's length, from which on a foot
 /// follows it only partly, and from which on not at all.
 const FAR: (f32, f32) = (0.5, 0.9);
@@ -254,12 +257,19 @@ impl Leg {
             stretched(to.length(), from.length(), thigh + shin).max((thigh - shin).abs() + 1e-4);
         let along = to.normalize();
         let turned = Quat::from_rotation_arc(from.normalize(), along);
+        // Only a leg that is nearly straight needs the correction. A strongly bent leg would miss its
+        // target by much.
+        let straight = |length: f32| smooth((length / (thigh + shin) - GUARDED.0) / GUARDED.1);
+        let led = led * straight(from.length());
         let axis = (turned * self.knee_axis(leg_pose, led)).reject_from_normalized(along);
         // `down` is the distance of the knee from the hip along the line to the ankle; `off` is the
         // vector from that line to the knee.
         let down = ((thigh * thigh - shin * shin + far * far) / (2.0 * far)).clamp(-thigh, thigh);
         let off = axis.cross(along) * (thigh * thigh - down * down).max(0.0).sqrt()
-            / axis.length().max(0.5 * LED_BEND * led).max(1e-6);
+            / axis
+                .length()
+                .max(0.5 * LED_BEND * led * straight(far))
+                .max(1e-6);
         let (thigh_along, shin_along) = (
             (along * down + off).normalize(),
             (along * (far - down) - off).normalize(),
