@@ -131,11 +131,11 @@ fn filled(frames: usize, known: impl Fn(usize) -> Option<Vec3>) -> Vec<Vec3> {
         let [from, to] = [before, next].map(|it| it.map(|it| values[it]));
         let gap = before.zip(next).map_or(usize::MAX, |(a, b)| b - a);
         let fade = gap.min(FADE_FRAMES) as f32;
-        for at in first..frame {
+        for (at, value) in values.iter_mut().enumerate().take(frame).skip(first) {
             let since = before.map_or(f32::INFINITY, |before| (at - before) as f32);
             let left = from.unwrap_or_default() * (1.0 - smooth(since / fade));
             let until = (frame - at) as f32;
-            values[at] = left + to.unwrap_or_default() * (1.0 - smooth(until / fade));
+            *value = left + to.unwrap_or_default() * (1.0 - smooth(until / fade));
         }
         before = next;
     }
