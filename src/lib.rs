@@ -53,7 +53,7 @@
 //! | workers (rayon's) | `offline`, `daemon` | read motions, build graphs, solve the first tables; one each for `solver` and `show-file` | use several cores during a show |
 //! | encode (unnamed) | `corybant_video` | send pictures to ffmpeg or write them, wait for the disk | run during a show |
 //! | `score`, `preview` | `editor` | serve the editor page; compute previews of cue lists | run during a show |
-//! | `import-page`, `import` | `importer` | serve the import page; read motions and build a graph | run during a show |
+//! | `import-page`, `import` | `importer` | serve the import page; read motions and build a graph | use several cores during a show, delay the show |
 //!
 //! # Invariants
 //! - A show is deterministic: the same time, samples and cues give the same poses, and so do the same

@@ -1,11 +1,18 @@
 //! `corybant` without a command, for example by a double click: a show whose page opens in the
 //! browser and sets the show up.
 
-use crate::daemon::setup::{PAGE_VARIABLE, Setup, open_in_browser, page_address};
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::daemon::setup::{ImportOpener, PAGE_VARIABLE, Setup, open_in_browser, page_address};
+use crate::importer::{self, ImportServer, Importer};
 use crate::rt::terminal::print_line;
 use crate::web::probe::{self, Listener};
 
 use super::{Outcome, run, stop_on_signal};
+
+/// Network address of the import page beside a show: any free port.
+const IMPORT_LISTEN: &str = "127.0.0.1:0";
 
 /// Runs a show with a page that sets it up, and opens the page in the browser. If a show of Corybant
 /// runs already, opens the page of that one instead.
@@ -26,6 +33,7 @@ pub(super) fn start() -> Outcome {
     }
     let stop = stop_on_signal()?;
     let setup = Setup::new(listen, run::default_input())?;
+    setup.set_import(import_opener());
     loop {
         match run::run_setup(&setup, &stop) {
             Err(error) if setup.restore(&error.to_string()) => {
@@ -39,6 +47,23 @@ pub(super) fn start() -> Outcome {
             return Ok(());
         }
     }
+}
+
+/// Returns the function that opens the import page beside the show. The page is served at a port of its
+/// own until the user ends it there or the program ends.
+fn import_opener() -> ImportOpener {
+    let served: Mutex<Option<ImportServer>> = Mutex::default();
+    Arc::new(move |folder: &Path| {
+        let mut served = served.lock().unwrap_or_else(PoisonError::into_inner);
+        if served.as_ref().is_none_or(ImportServer::has_ended) {
+            *served = None;
+            let importer = Importer::beside_show(folder)?;
+            let server = importer::serve(Some(IMPORT_LISTEN), &importer);
+            *served = Some(server.map_err(|error| error.to_string())?);
+        }
+        let server = served.as_ref().ok_or("the import page has ended")?;
+        server.link_for_once().map_err(|error| error.to_string())
+    })
 }
 
 /// Opens the page of the show that runs already, at `link`.

@@ -92,6 +92,7 @@ impl Listeners {
                 faults: faults.clone(),
                 warnings: context.warnings.clone(),
                 show_file: context.calibration.file().cloned(),
+                takes: context.takes.clone(),
                 // LEDs also work without real-time priority; the show thread logs the reason.
                 raise_priority: || drop(priority::raise()),
             },

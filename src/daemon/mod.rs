@@ -77,7 +77,6 @@ use solving::SolvingThread;
 use streams::Streams;
 use surfaces::Watchers;
 use takes::TakeParts;
-use vitals::{CountedOutputs, VitalsCollector};
 
 /// Capacity of the cue queue: the largest number of cues that wait for the next tick.
 const CUES_MAX: usize = 256;
@@ -272,8 +271,7 @@ fn start(
     let performers = Performers::open(config, cast, &context)?;
     print_addresses(config, cast, &listeners, &outputs);
     let (change_sender, changes) = handoff();
-    let counted = CountedOutputs::new(&outputs, &config.output);
-    let monitor = Monitor::new(cast, VitalsCollector::new(&counted, &context), &context);
+    let monitor = monitor::create(config, cast, &outputs, &performers, &context);
     let reload_context = ReloadContext {
         opener,
         changes: change_sender,
@@ -292,6 +290,7 @@ fn start(
         clock: context.cues.clock().clone(),
         edits: reload.as_ref().and_then(Reload::edits),
         has_graph_option: inputs.graph.is_some(),
+        is_recorded: inputs.recordings.show.is_some(),
     };
     let takes = takes::start(config, parts).map_err(DaemonError::Thread)?;
     let (recordings, record_sinks) = inputs.recordings.start(&context)?;

@@ -8,6 +8,8 @@ use std::time::{Duration, Instant};
 use crossbeam::queue::ArrayQueue;
 use tracing::{info, warn};
 
+use crate::config::Config;
+use crate::osc::output::Output;
 use crate::rt::latest::Latest;
 use crate::rt::show_names::ShowNames;
 use corybant_core::dsp::sound_check::SoundCheck;
@@ -17,6 +19,7 @@ use corybant_core::time::Seconds;
 
 use super::lateness::Lateness;
 use super::listeners::{ListenerContext, Listeners};
+use super::performers::Performers;
 use super::vitals::{CountedOutputs, VitalsCollector};
 
 /// Capacity of the event queue: the largest number of events that wait to be logged.
@@ -49,7 +52,7 @@ pub(super) struct Monitor {
 impl Monitor {
     /// Creates a monitor for a show of the dancers in `cast`. `vitals` collects the vitals of the
     /// show; `context` has its names and fault counters.
-    pub(super) fn new(cast: &Cast, vitals: VitalsCollector, context: &ListenerContext) -> Self {
+    fn new(cast: &Cast, vitals: VitalsCollector, context: &ListenerContext) -> Self {
         Self {
             show_names: context.names.clone(),
             dancers: cast.names().map(String::from).collect(),
@@ -145,6 +148,19 @@ fn hint(fault: Fault, os: &str) -> &'static str {
         }
         _ => "",
     }
+}
+
+/// Creates the monitor of a show of `cast` with these `outputs` and `performers`.
+pub(super) fn create(
+    config: &Config,
+    cast: &Cast,
+    outputs: &[(usize, Output)],
+    performers: &Performers,
+    context: &ListenerContext,
+) -> Monitor {
+    let counted = CountedOutputs::new(outputs, &config.output);
+    let vitals = VitalsCollector::new(&counted, performers.inputs(cast), context);
+    Monitor::new(cast, vitals, context)
 }
 
 #[cfg(test)]

@@ -4,10 +4,11 @@
 //! The mix is applied to the poses that are sent and shown, after everything that a recording
 //! contains. So a recorded show replays its dance to the byte, without the performer.
 
+use std::net::SocketAddr;
 use std::sync::Arc;
 
 use crate::config::Config;
-use crate::osc::motion_in::{MotionContext, MotionInError, MotionListener};
+use crate::osc::motion_in::{MotionContext, MotionCounter, MotionInError, MotionListener};
 use crate::rt::latest::Latest;
 use crate::rt::terminal;
 use corybant_core::cue::Place;
@@ -47,7 +48,18 @@ pub(super) struct Performers {
     performers: Vec<LivePerformer>,
     /// Recording of takes of the first performer.
     tap: TakeTap,
-    _listeners: Vec<MotionListener>,
+    listeners: Vec<MotionListener>,
+}
+
+/// The motion input of one live performer, for the vitals.
+#[derive(Clone, Debug)]
+pub(super) struct PerformerInput {
+    /// Name of the dancer that the performer moves.
+    pub(super) dancer: String,
+    /// Network address at which the poses arrive.
+    pub(super) listen: SocketAddr,
+    /// Counter of what arrives.
+    pub(super) counter: MotionCounter,
 }
 
 impl Performers {
@@ -99,8 +111,19 @@ impl Performers {
         Ok(Self {
             performers,
             tap,
-            _listeners: listeners,
+            listeners,
         })
+    }
+
+    /// Returns the motion inputs of the performers; `cast` are the dancers of the show.
+    pub(super) fn inputs(&self, cast: &Cast) -> Vec<PerformerInput> {
+        let inputs = self.performers.iter().zip(&self.listeners);
+        let input = |(performer, listener): (&LivePerformer, &MotionListener)| PerformerInput {
+            dancer: cast.members[performer.dancer].settings.name.clone(),
+            listen: listener.local_addr(),
+            counter: listener.counter().clone(),
+        };
+        inputs.map(input).collect()
     }
 
     /// Returns the take that the motion input of the first performer fills, and the index of the

@@ -1,5 +1,5 @@
-//! Vitals: lateness, outputs, input and last messages of a show, collected once a second. In:
-//! lateness, counters of the outputs, last messages. Out: [`Vitals`]. Thread: main.
+//! Vitals: lateness, outputs, performers, input and last messages of a show, collected once a second.
+//! In: lateness, counters of the outputs and motion inputs, last messages. Out: [`Vitals`]. Thread: main.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -9,11 +9,13 @@ use crate::osc::output::{self, Output, OutputCounter};
 use crate::rt::last_messages::LastMessages;
 use crate::web::Vitals;
 use crate::web::calibration::LiveCalibration;
-use crate::web::vitals::OutputVitals;
+use crate::web::vitals::{OutputVitals, PerformerState, PerformerVitals};
 
 use super::lateness::Lateness;
 use super::listeners::ListenerContext;
+use super::performers::PerformerInput;
 use corybant_core::dsp::sound_check::SoundCheck;
+use corybant_core::motion::live::mix::LOST_AFTER;
 
 /// Interval between two collections of the vitals.
 const INTERVAL: Duration = Duration::from_secs(1);
@@ -44,6 +46,8 @@ impl CountedOutputs {
 pub(super) struct VitalsCollector {
     /// For each output, its datagram counter and the value of that counter at the last collection.
     counters: Vec<(Arc<OutputCounter>, u64)>,
+    /// The motion input of each performer, with its number of poses at the last collection.
+    performers: Vec<(PerformerInput, u64)>,
     last_messages: Arc<LastMessages>,
     calibration: LiveCalibration,
     diagnosis: InputDiagnosis,
@@ -56,11 +60,16 @@ pub(super) struct VitalsCollector {
 }
 
 impl VitalsCollector {
-    /// Creates a collector of vitals. It reads the counters of `outputs` and, from `context`, the
-    /// texts of the last OSC and MIDI messages and the calibration.
-    pub(super) fn new(outputs: &CountedOutputs, context: &ListenerContext) -> Self {
+    /// Creates a collector of vitals. It reads the counters of `outputs` and `performers` and, from
+    /// `context`, the texts of the last OSC and MIDI messages and the calibration.
+    pub(super) fn new(
+        outputs: &CountedOutputs,
+        performers: Vec<PerformerInput>,
+        context: &ListenerContext,
+    ) -> Self {
         let mut collector = Self {
             counters: Vec::new(),
+            performers: performers.into_iter().map(|input| (input, 0)).collect(),
             last_messages: context.cues.last_messages().clone(),
             calibration: context.calibration.clone(),
             diagnosis: InputDiagnosis::default(),
@@ -116,6 +125,10 @@ impl VitalsCollector {
             (output.sent, output.failed) = (sent - *before, counter.failed());
             *before = sent;
         }
+        let performers = self.performers.iter_mut();
+        self.vitals.performers = performers
+            .map(|(input, before)| performer_vitals(input, before, now))
+            .collect();
         for (number, output) in self.vitals.outputs.iter_mut().enumerate() {
             output.offset_ms = self.calibration.offset_ms(number);
         }
@@ -132,5 +145,25 @@ impl VitalsCollector {
         self.vitals.osc = osc.or(self.vitals.osc.take());
         self.vitals.midi = midi.or(self.vitals.midi.take());
         Some(&self.vitals)
+    }
+}
+
+/// Returns the vitals of the performer with the motion input `input` at the time `now`. `before` is
+/// the number of poses at the last collection; it becomes the present number.
+fn performer_vitals(input: &PerformerInput, before: &mut u64, now: Instant) -> PerformerVitals {
+    let received = input.counter.received();
+    let age = received.last_pose.map(|last| now.duration_since(last));
+    PerformerVitals {
+        dancer: input.dancer.clone(),
+        listen: input.listen.to_string(),
+        sender: received.sender.map(|sender| sender.to_string()),
+        state: match age {
+            None => PerformerState::Waiting,
+            Some(age) if age.as_secs_f64() <= LOST_AFTER.0 => PerformerState::Live,
+            Some(_) => PerformerState::Lost,
+        },
+        poses: received.poses - std::mem::replace(before, received.poses),
+        age_ms: age.map(|age| age.as_secs_f64() * 1000.0),
+        faults: received.faults,
     }
 }

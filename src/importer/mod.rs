@@ -1,7 +1,7 @@
 //! The import page (`corybant import`): motion files to labelled clips and a motion graph. In: the
 //! user's files and settings. Out: a folder of motion files with its `clips.toml`, a graph file.
 //! Thread: "import-page" with a single-threaded tokio runtime for the page; "import" reads motions
-//! and builds the graph.
+//! and builds the graph, on one core while a show runs in this program.
 //!
 //! ```text
 //! page ─▶ routes ─▶ folder ─▶ motion files, clips.toml (clips_text)
@@ -55,6 +55,8 @@ pub struct Importer {
     state: Mutex<State>,
     /// True if the user has ended the page.
     end: AtomicBool,
+    /// True if a show runs in this program, which needs the other processor cores.
+    is_beside_show: bool,
 }
 
 /// The part of an [`Importer`] that the thread "import" changes.
@@ -83,11 +85,25 @@ impl Importer {
     /// A sentence if the folder cannot be read, or a private folder or a thread cannot be made.
     pub fn new(path: Option<&Path>) -> Result<Arc<Self>, String> {
         let folder = path.map_or_else(Folder::private, |path| Ok(Folder::of_user(path)))?;
+        Self::of(folder, false)
+    }
+
+    /// Creates an importer for the folder `path` while a show runs in this program. It works on one
+    /// processor core.
+    ///
+    /// # Errors
+    /// Those of [`Importer::new`].
+    pub fn beside_show(path: &Path) -> Result<Arc<Self>, String> {
+        Self::of(Folder::of_user(path), true)
+    }
+
+    fn of(folder: Folder, is_beside_show: bool) -> Result<Arc<Self>, String> {
         folder.listing()?;
         let importer = Arc::new(Self {
             folder: Mutex::new(folder),
             state: Mutex::default(),
             end: AtomicBool::new(false),
+            is_beside_show,
         });
         importer.start_reading()?;
         Ok(importer)
@@ -214,9 +230,14 @@ impl ImportServer {
         self.access.link_for_once(self.local_addr)
     }
 
+    /// Returns true if the user has ended the page.
+    pub fn has_ended(&self) -> bool {
+        self.importer.end.load(Ordering::Relaxed)
+    }
+
     /// Serves the page until `stop` is true or the user ends the page.
     pub fn serve_until(&self, stop: &AtomicBool) {
-        while !(stop.load(Ordering::Relaxed) || self.importer.end.load(Ordering::Relaxed)) {
+        while !(stop.load(Ordering::Relaxed) || self.has_ended()) {
             std::thread::sleep(STOP_CHECK_INTERVAL);
         }
     }

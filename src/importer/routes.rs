@@ -21,7 +21,7 @@ use std::sync::atomic::Ordering;
 
 use axum::Router;
 use axum::body::{Body, Bytes};
-use axum::extract::{DefaultBodyLimit, FromRequest, Path, Request, State};
+use axum::extract::{DefaultBodyLimit, Path, Request, State};
 use axum::http::StatusCode;
 use axum::http::header::{CONTENT_TYPE, HeaderName};
 use axum::response::{IntoResponse, Response};
@@ -29,8 +29,7 @@ use axum::routing::{get, post, put};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use tokio::net::TcpListener;
-use tokio::sync::{Semaphore, oneshot};
-use tokio::task::spawn_blocking;
+use tokio::sync::oneshot;
 
 use super::folder::Change;
 use super::{Importer, Progress};
@@ -39,19 +38,15 @@ use crate::offline::motion_dir::uploads::FILE_BYTES_MAX;
 use crate::web::assets::{self, IMPORT_ASSETS};
 use crate::web::auth::Access;
 use crate::web::http;
+use crate::web::http::replies::{self, BODY_BYTES_MAX, Uploads, parse, unprocessable};
 
-/// Longest accepted body of a request that is not a motion file, in bytes.
-const BODY_BYTES_MAX: usize = 64 << 10;
-/// Largest number of motion files that are received at the same time.
-const UPLOADS_MAX: usize = 2;
-const JSON: (HeaderName, &str) = (CONTENT_TYPE, "application/json");
 const BYTES: (HeaderName, &str) = (CONTENT_TYPE, "application/octet-stream");
 
 /// The data that all requests share.
 #[derive(Clone)]
 struct Shared {
     importer: Arc<Importer>,
-    uploads: Arc<Semaphore>,
+    uploads: Uploads,
 }
 
 /// Serves the page for `importer` on `listener` until `stopped` is signalled; `access` checks the
@@ -91,7 +86,7 @@ fn router(importer: Arc<Importer>) -> Router {
         .route("/setup/import/files/{label}/{name}", file)
         .with_state(Shared {
             importer,
-            uploads: Arc::new(Semaphore::new(UPLOADS_MAX)),
+            uploads: Uploads::new(FILE_BYTES_MAX),
         })
 }
 
@@ -100,11 +95,7 @@ async fn respond(
     shared: Shared,
     work: impl FnOnce(&Arc<Importer>) -> Result<Value, String> + Send + 'static,
 ) -> Response {
-    match spawn_blocking(move || work(&shared.importer)).await {
-        Ok(Ok(value)) => ([JSON], value.to_string()).into_response(),
-        Ok(Err(message)) => refusal(StatusCode::UNPROCESSABLE_ENTITY, &message),
-        Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),
-    }
+    replies::respond(move || work(&shared.importer).map_err(unprocessable)).await
 }
 
 /// Runs `work` on a thread that may wait, and returns the state of the page afterwards.
@@ -117,10 +108,6 @@ async fn answer(
         Ok(importer.to_json())
     })
     .await
-}
-
-fn refusal(status: StatusCode, message: &str) -> Response {
-    (status, [JSON], json!({ "message": message }).to_string()).into_response()
 }
 
 async fn thumbs(State(shared): State<Shared>) -> Response {
@@ -136,16 +123,12 @@ async fn add_file(
     Path((label, name)): Path<(String, String)>,
     request: Request,
 ) -> Response {
-    let Ok(_permit) = shared.uploads.clone().acquire_owned().await else {
-        return StatusCode::SERVICE_UNAVAILABLE.into_response();
-    };
-    let Ok(body) = Bytes::from_request(request, &()).await else {
-        let limit = FILE_BYTES_MAX >> 20;
-        let message = format!("{name} is not received completely: a file may have {limit} MiB");
-        return refusal(StatusCode::PAYLOAD_TOO_LARGE, &message);
+    let upload = match shared.uploads.receive(&name, request).await {
+        Ok(upload) => upload,
+        Err(refused) => return refused,
     };
     respond(shared, move |importer| {
-        let refused = importer.add_with_label(&label, &name, &body)?;
+        let refused = importer.add_with_label(&label, &name, &upload.bytes)?;
         let mut state = importer.to_json();
         state["refused"] = json!(refused);
         Ok(state)
@@ -167,8 +150,7 @@ async fn remove_file(
 
 async fn change(State(shared): State<Shared>, body: String) -> Response {
     answer(shared, move |importer| {
-        let change: Change = serde_json::from_str(&body)
-            .map_err(|error| format!("the request is not understood: {error}"))?;
+        let change: Change = parse(&body)?;
         let must_read = importer.folder().change(change)?;
         importer.state().is_stale = true;
         if must_read {
@@ -194,8 +176,7 @@ struct SaveRequest {
 
 async fn save(State(shared): State<Shared>, body: String) -> Response {
     answer(shared, move |importer| {
-        let request: SaveRequest = serde_json::from_str(&body)
-            .map_err(|error| format!("the request is not understood: {error}"))?;
+        let request: SaveRequest = parse(&body)?;
         let to = setup::new_folder(&request.folder, &request.name)?;
         if matches!(importer.state().build, Progress::Running { .. }) {
             return Err("the graph is being built; save afterwards".into());
@@ -209,5 +190,5 @@ async fn save(State(shared): State<Shared>, body: String) -> Response {
 
 async fn quit(State(shared): State<Shared>) -> Response {
     shared.importer.end.store(true, Ordering::Relaxed);
-    ([JSON], "{}").into_response()
+    respond(shared, |_| Ok(json!({}))).await
 }

@@ -84,10 +84,19 @@ impl Importer {
         }
         let importer = self.clone();
         let thread = std::thread::Builder::new().name("import".into());
-        let started = thread.spawn(move || importer.work());
+        let started = thread.spawn(move || importer.work_on_its_cores());
         started.map_err(|error| format!("cannot start a thread: {error}"))?;
         state.is_working = true;
         Ok(())
+    }
+
+    /// Does the same as [`Importer::work`], on one core beside a show.
+    fn work_on_its_cores(&self) {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1);
+        match self.is_beside_show.then(|| pool.build()) {
+            Some(Ok(pool)) => pool.install(|| self.work()),
+            _ => self.work(),
+        }
     }
 
     /// Does what is wanted until nothing is left to do.

@@ -9,15 +9,18 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use crossbeam::queue::ArrayQueue;
+use tokio::sync::watch;
 use triple_buffer::{Input, Output, triple_buffer};
 
 use super::led_protocol::{LedProtocol, LedState};
 use crate::rt::cue_queue::TimedCue;
 use crate::rt::histogram::{Histogram, Percentiles};
+use crate::rt::takes::{TakeDesk, TakePhase, TakeState};
 use crate::rt::waker::Waker;
 use crate::rt::worker::{StopSignal, Worker};
 use corybant_core::cue::control_text::ControlAction;
 use corybant_core::cue::midi::{Control, MapEntry};
+use corybant_core::cue::take::TakeRequest;
 use corybant_core::cue::{Cue, DanceCommand};
 use corybant_core::graph::LabelId;
 use corybant_core::show::Show;
@@ -60,12 +63,13 @@ impl LedOutput {
     }
 }
 
-/// Function of a control, which its LED shows: launches a label, holds the motion, or sends another
-/// command.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Function of a control, which its LED shows: launches a label, holds the motion, records takes of
+/// a label, or sends another command.
+#[derive(Clone, Debug, PartialEq, Eq)]
 enum Function {
     Label(LabelId),
     Hold,
+    Take(String),
     Command,
 }
 
@@ -93,12 +97,12 @@ struct ShowState {
 }
 
 impl ShowState {
-    fn led_state(&self, function: Function) -> LedState {
+    fn led_state(&self, function: &Function, take: &TakeState) -> LedState {
         match function {
             Function::Label(label) => {
                 match self
                     .labels
-                    .get(usize::from(label))
+                    .get(usize::from(*label))
                     .copied()
                     .unwrap_or_default()
                 {
@@ -108,7 +112,12 @@ impl ShowState {
                 }
             }
             Function::Hold if self.held => LedState::Dancing,
-            Function::Hold | Function::Command => LedState::Command,
+            Function::Take(label) if *label == take.label => match take.phase {
+                TakePhase::CountIn => LedState::Armed,
+                TakePhase::Recording => LedState::Dancing,
+                _ => LedState::Command,
+            },
+            Function::Hold | Function::Take(_) | Function::Command => LedState::Command,
         }
     }
 }
@@ -169,8 +178,8 @@ pub(super) struct LedFeedback {
 }
 
 impl LedFeedback {
-    /// Starts the LED thread for a show with at most `label_count` labels; the thread first calls
-    /// `raise_priority`. Returns the handle of the thread, and the publisher through which the show
+    /// Starts the LED thread for a show with at most `label_count` labels and with the recorder of
+    /// takes `takes`; the thread first calls `raise_priority`. Returns the handle of the thread, and the publisher through which the show
     /// thread sends its state.
     ///
     /// # Errors
@@ -178,6 +187,7 @@ impl LedFeedback {
     pub(super) fn start(
         label_count: usize,
         raise_priority: fn(),
+        takes: Option<&TakeDesk>,
     ) -> std::io::Result<(Self, LedPublisher)> {
         let initial = ShowState {
             labels: vec![Lamp::default(); label_count],
@@ -195,7 +205,11 @@ impl LedFeedback {
             next_cue: None,
             devices: Vec::new(),
             delays: delays.clone(),
+            takes: takes.map(TakeDesk::state),
         };
+        if let Some(takes) = takes {
+            takes.wake_on_change(waker.clone());
+        }
         let own_waker = waker.clone();
         let worker = Worker::start("leds", move |stop| {
             own_waker.wake_me();
@@ -235,6 +249,10 @@ impl LedFeedback {
                     Function::Label(launch.label)
                 }
                 ControlAction::Button(Cue::Dance(DanceCommand::Hold(_))) => Function::Hold,
+                ControlAction::Take(request) => match &*request {
+                    TakeRequest::Toggle { label, .. } => Function::Take(label.clone()),
+                    _ => Function::Command,
+                },
                 ControlAction::Button(_) => Function::Command,
                 ControlAction::Fader(_) => return None,
             };
@@ -295,7 +313,7 @@ struct DeviceLeds {
 impl DeviceLeds {
     /// Sends a MIDI message for each LED whose state in `state` has changed. Returns true if a
     /// message was sent.
-    fn update(&mut self, state: &ShowState) -> bool {
+    fn update(&mut self, state: &ShowState, take: &TakeState) -> bool {
         let Self {
             protocol,
             leds,
@@ -309,7 +327,7 @@ impl DeviceLeds {
             let Some(message) = protocol.message(
                 led.control,
                 led.channel,
-                state.led_state(led.function),
+                state.led_state(&led.function, take),
                 state.on_beat,
             ) else {
                 continue;
@@ -344,6 +362,8 @@ struct LedThread {
     /// LEDs of each controller, indexed like the controllers of the show.
     devices: Vec<DeviceLeds>,
     delays: Arc<Mutex<Histogram>>,
+    /// The state of the take; `None` if the show records none.
+    takes: Option<watch::Receiver<TakeState>>,
 }
 
 impl LedThread {
@@ -389,9 +409,11 @@ impl LedThread {
     fn update(&mut self) {
         self.state.update();
         let state = self.state.output_buffer();
+        let take = self.takes.as_ref().map(|takes| takes.borrow().clone());
+        let take = take.unwrap_or_default();
         let mut sent = false;
         for device in &mut self.devices {
-            sent |= device.update(state);
+            sent |= device.update(state, &take);
         }
         let now = Instant::now();
         while let Some((time, arrival)) = self.next_cue.take().or_else(|| self.cues.pop()) {

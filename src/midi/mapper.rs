@@ -1,7 +1,7 @@
 //! Converts the MIDI messages of one device to cues, by a map that can be replaced during the show.
 //!
 //! In: messages of one port; new maps. Out: cues, into the show's queue, each with the time of its
-//! arrival; during a learn session the moved controls instead. Thread: a backend's own. Real-time:
+//! arrival; requests for takes; during a learn session the moved controls instead. Thread: a backend's own. Real-time:
 //! yes, after `new`.
 
 use std::sync::Arc;
@@ -12,11 +12,14 @@ use crossbeam::queue::ArrayQueue;
 
 use super::CueQueue;
 use crate::rt::waker::Waker;
-use corybant_core::cue::midi::{ControlChange, MapEntry, MapError, MidiMap, message};
+use corybant_core::cue::midi::{ControlChange, MapEntry, MapError, MidiMap, MidiRequest, message};
+use corybant_core::cue::take::TakeRequest;
 use corybant_core::fault::{Fault, Faults};
 
 /// Capacity of the queue of controls that are moved during a learn session.
 const MOVED_MAX: usize = 64;
+/// Capacity of the queue of requests for takes.
+const TAKES_MAX: usize = 16;
 
 /// Queues through which a mapper's map from controls to actions is replaced. New maps go through
 /// `fresh` to the thread that receives MIDI messages. Replaced maps return through `old` to the
@@ -25,6 +28,37 @@ const MOVED_MAX: usize = 64;
 struct Swap {
     fresh: ArrayQueue<MidiMap>,
     old: ArrayQueue<MidiMap>,
+}
+
+/// Queue of the requests for takes that the controls of all MIDI mappers send. Clones share it.
+#[derive(Clone, Debug)]
+pub(super) struct TakeButtons {
+    requests: Arc<ArrayQueue<Arc<TakeRequest>>>,
+    waker: Waker,
+}
+
+impl TakeButtons {
+    /// Creates an empty queue. A request wakes the thread of `waker`, which calls
+    /// [`TakeButtons::pop`].
+    pub(super) fn new(waker: Waker) -> Self {
+        Self {
+            requests: Arc::new(ArrayQueue::new(TAKES_MAX)),
+            waker,
+        }
+    }
+
+    /// Removes and returns the request that has waited longest; `None` if there is none.
+    pub(super) fn pop(&self) -> Option<Arc<TakeRequest>> {
+        self.requests.pop()
+    }
+
+    /// Adds `request`. The map of the mapper has the same request, so that dropping `request` frees
+    /// no memory here.
+    fn push(&self, request: Arc<TakeRequest>) {
+        // If the queue is full, nobody has read it for so long that a further request has no use.
+        let _ = self.requests.push(request);
+        self.waker.wake();
+    }
 }
 
 /// A control that the user moved during a learn session.
@@ -81,6 +115,8 @@ pub struct MidiMapper {
     /// Index of this mapper's controller, and the learn session that gets the moved controls.
     /// `None` if the controls of this mapper cannot be learnt.
     learning: Option<(usize, Arc<LearnSession>)>,
+    /// Queue of requests for takes; `None` if the controls of this mapper send none.
+    takes: Option<TakeButtons>,
 }
 
 impl MidiMapper {
@@ -105,7 +141,16 @@ impl MidiMapper {
             queue,
             faults,
             learning: None,
+            takes: None,
         })
+    }
+
+    /// Returns this mapper, changed so that its requests for takes go to `takes`.
+    pub(super) fn with_takes(self, takes: &TakeButtons) -> Self {
+        Self {
+            takes: Some(takes.clone()),
+            ..self
+        }
     }
 
     /// Returns this mapper, changed so that its moved controls are reported to the learn session
@@ -158,9 +203,17 @@ impl MidiMapper {
             let _ = session.moved.push(moved);
             return session.waker.wake();
         }
-        let queue = &self.queue;
-        self.map
-            .apply(change, &mut |cue| queue.push_received(cue, arrived));
+        let Self {
+            map, queue, takes, ..
+        } = self;
+        map.apply(change, &mut |request| match request {
+            MidiRequest::Cue(cue) => queue.push_received(cue, arrived),
+            MidiRequest::Take(request) => {
+                if let Some(takes) = takes {
+                    takes.push(request);
+                }
+            }
+        });
     }
 }
 
@@ -203,6 +256,26 @@ mod tests {
         mapper.process(&[36, 127]);
         mapper.process(&[]);
         assert_eq!((faults.of(Fault::BadMidi), cues(&queue).len()), (2, 0));
+    }
+
+    #[test]
+    fn a_control_that_records_sends_requests_for_takes() {
+        let record = MapEntry {
+            record: true,
+            ..entry(36, "mine")
+        };
+        let (mapper, queue, _) = mapper(&[record]);
+        let takes = TakeButtons::new(Waker::default());
+        let mut mapper = mapper.with_takes(&takes);
+        for _ in 0..TAKES_MAX + 1 {
+            mapper.process(&[0x90, 36, 127]);
+            mapper.process(&[0x80, 36, 0]);
+        }
+        let requests: Vec<_> = std::iter::from_fn(|| takes.pop()).collect();
+        assert_eq!(requests.len(), TAKES_MAX);
+        let toggle = TakeRequest::toggle("mine", None).unwrap();
+        assert!(requests.iter().all(|request| **request == toggle));
+        assert!(cues(&queue).is_empty());
     }
 
     #[test]

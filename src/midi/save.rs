@@ -154,6 +154,7 @@ fn update(table: &mut Table, entry: &MapEntry) {
         ),
         ("avoid", if_true(entry.avoid)),
         ("queue", if_true(entry.queue)),
+        ("record", if_true(entry.record)),
     ];
     for (key, item) in wanted {
         match item {

@@ -3,10 +3,12 @@
 //! except show and audio. Allocates.
 
 use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use serde::Serialize;
 use tokio::sync::watch;
 
+use crate::rt::waker::Waker;
 use corybant_core::cue::take::TakeRequest;
 
 /// Why a show records no takes.
@@ -44,6 +46,9 @@ pub struct TakeState {
     pub beats: Option<u32>,
     /// What was done or what went wrong, as a sentence; empty if there is nothing to say.
     pub message: String,
+    /// Labels of the takes that can be undone, in the order in which they were recorded; the last
+    /// one is undone first.
+    pub takes: Vec<String>,
 }
 
 impl TakeState {
@@ -66,26 +71,46 @@ impl TakeState {
 pub struct TakeDesk {
     requests: Sender<TakeRequest>,
     state: watch::Receiver<TakeState>,
+    wakers: Wakers,
 }
+
+/// Threads that are woken after a change of the state.
+type Wakers = Arc<Mutex<Vec<Waker>>>;
 
 /// The side of the thread that records takes.
 #[derive(Debug)]
 pub struct TakeInbox {
     /// The requests, in order.
     pub requests: Receiver<TakeRequest>,
-    /// The state of the take, which the page shows.
-    pub state: watch::Sender<TakeState>,
+    state: watch::Sender<TakeState>,
+    wakers: Wakers,
 }
 
 /// Creates the link, and returns its two sides.
 pub fn take_desk() -> (TakeDesk, TakeInbox) {
     let (sender, requests) = channel();
     let (state, receiver) = watch::channel(TakeState::default());
+    let wakers = Wakers::default();
     let desk = TakeDesk {
         requests: sender,
         state: receiver,
+        wakers: wakers.clone(),
     };
-    (desk, TakeInbox { requests, state })
+    let inbox = TakeInbox {
+        requests,
+        state,
+        wakers,
+    };
+    (desk, inbox)
+}
+
+impl TakeInbox {
+    /// Changes the state of the take by `change`, for all readers.
+    pub fn update(&self, change: impl FnOnce(&mut TakeState)) {
+        self.state.send_modify(change);
+        let wakers = self.wakers.lock().unwrap_or_else(PoisonError::into_inner);
+        wakers.iter().for_each(Waker::wake);
+    }
 }
 
 impl TakeDesk {
@@ -93,6 +118,12 @@ impl TakeDesk {
     pub fn request(&self, request: TakeRequest) {
         // Without a recorder the show ends, and no take is possible.
         let _ = self.requests.send(request);
+    }
+
+    /// Wakes the thread of `waker` after each change of the state.
+    pub fn wake_on_change(&self, waker: Waker) {
+        let mut wakers = self.wakers.lock().unwrap_or_else(PoisonError::into_inner);
+        wakers.push(waker);
     }
 
     /// Returns a receiver of the state of the take.

@@ -307,6 +307,20 @@ fn machine(view: &ShowView) -> Vec<Line<'static>> {
         }
         lines.push(Line::from(spans));
     }
+    for performer in &vitals.performers {
+        let text = match &performer.sender {
+            Some(sender) => format!("{sender}: {} poses/s", performer.poses),
+            None => format!("nothing arrives at {}", performer.listen),
+        };
+        let mut spans = vec![caption("motion"), text.into()];
+        if performer.state == "lost" {
+            spans.push(", lost".yellow());
+        }
+        if performer.faults > 0 {
+            spans.push(format!(", {} ignored", performer.faults).yellow());
+        }
+        lines.push(Line::from(spans));
+    }
     for (what, last) in [("OSC", &vitals.osc), ("MIDI", &vitals.midi)] {
         lines.push(Line::from(vec![
             caption(what),

@@ -129,6 +129,8 @@ pub struct Vitals {
     pub missed: u64,
     /// State of each output, in the order of the show file.
     pub outputs: Vec<Output>,
+    /// State of each live performer, in the order of the show file.
+    pub performers: Vec<LivePerformer>,
     /// Current problems of the sound of the audio input.
     pub input: Vec<InputProblem>,
     /// Text of a recent OSC message; `None` if none has arrived since the start of the show.
@@ -151,6 +153,24 @@ pub struct Output {
     pub sent: u64,
     /// Number of datagrams that could not be sent, since the start of the show.
     pub failed: u64,
+}
+
+/// The state of one live performer over the last second; see
+/// [`PerformerVitals`](crate::web::vitals::PerformerVitals).
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default)]
+pub struct LivePerformer {
+    /// Network address at which the poses arrive, `HOST:PORT`.
+    pub listen: String,
+    /// Network address of the program that sends, or of the last one that has sent; `None` if none
+    /// has sent yet.
+    pub sender: Option<String>,
+    /// `waiting`, `live` or `lost`.
+    pub state: String,
+    /// Number of poses that arrived in the last second.
+    pub poses: u64,
+    /// Number of datagrams and messages that were ignored, since the start of the show.
+    pub faults: u64,
 }
 
 /// A problem of the sound of the audio input; see
@@ -211,6 +231,13 @@ mod tests {
         let Message::Vitals(vitals) = read(
             &web::Vitals {
                 outputs,
+                performers: vec![web::vitals::PerformerVitals {
+                    listen: "127.0.0.1:39540".into(),
+                    sender: Some("127.0.0.1:5000".into()),
+                    state: web::vitals::PerformerState::Live,
+                    poses: 60,
+                    ..web::vitals::PerformerVitals::default()
+                }],
                 input: vec![diagnosis::InputProblem {
                     kind: "hum",
                     text: "the input has a hum".into(),
@@ -231,6 +258,14 @@ mod tests {
                 failed: 1
             }
         );
+        let performer = LivePerformer {
+            listen: "127.0.0.1:39540".into(),
+            sender: Some("127.0.0.1:5000".into()),
+            state: "live".into(),
+            poses: 60,
+            faults: 0,
+        };
+        assert_eq!(vitals.performers, [performer]);
         let problem = InputProblem {
             kind: "hum".into(),
             text: "the input has a hum".into(),

@@ -32,6 +32,8 @@ pub struct Vitals {
     pub input: Vec<InputProblem>,
     /// State of each output, in the order of the show file.
     pub outputs: Vec<OutputVitals>,
+    /// State of each live performer, in the order of the show file.
+    pub performers: Vec<PerformerVitals>,
     /// Colours of the groups of pads, `#rrggbb`; a group without an entry has a default colour.
     pub colours: BTreeMap<String, String>,
     /// Text of a recent OSC message; `None` if none has arrived since the start of the show.
@@ -55,6 +57,39 @@ pub struct OutputVitals {
     pub failed: u64,
 }
 
+/// The state of one live performer over the last second.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct PerformerVitals {
+    /// Name of the dancer that the performer moves.
+    pub dancer: String,
+    /// Network address at which the poses arrive, `HOST:PORT`.
+    pub listen: String,
+    /// Network address of the program that sends, or of the last one that has sent; `None` if none
+    /// has sent yet.
+    pub sender: Option<String>,
+    /// Whether the performer's program sends.
+    pub state: PerformerState,
+    /// Number of poses that arrived in the last second.
+    pub poses: u64,
+    /// Age of the last pose, milliseconds; `None` before the first one.
+    pub age_ms: Option<f64>,
+    /// Number of datagrams and messages that were ignored, since the start of the show.
+    pub faults: u64,
+}
+
+/// Whether the program of a live performer sends poses.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum PerformerState {
+    /// No pose has arrived yet.
+    #[default]
+    Waiting,
+    /// Poses arrive.
+    Live,
+    /// Poses have arrived, but none for so long that the dancer dances alone.
+    Lost,
+}
+
 #[derive(Serialize)]
 struct Message<'a> {
     #[serde(rename = "type")]
@@ -70,6 +105,8 @@ impl Vitals {
     /// "input_latency_ms":x|null,"channels":[{"peak":0..,"clipped":bool,"chosen":bool},…],
     /// "input":[{"kind":"silence","text":"the input …","past":"the input was …"},…],
     /// "outputs":[{"kind":"vmc","to":"HOST:PORT","offset_ms":x,"sent":n per second,"failed":n},…],
+    /// "performers":[{"dancer":name,"listen":"HOST:PORT","sender":"HOST:PORT"|null,
+    /// "state":"waiting"|"live"|"lost","poses":n per second,"age_ms":x|null,"faults":n},…],
     /// "colours":{group:"#rrggbb",…},"osc":"/cue/salsa 1"|null,"midi":"note 36
     /// on, …"|null}`.
     pub fn to_json(&self) -> String {

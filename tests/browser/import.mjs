@@ -7,23 +7,19 @@
 import { existsSync, readFileSync } from 'node:fs';
 
 import { launch } from './chromium.mjs';
+import { check, makePromises } from './promises.mjs';
 
 const [link, files, folder, pictures] = process.argv.slice(2);
 const WAIT_MS = 60000;
 const SIZES = { desktop: [1280, 720], phone: [390, 844], tablet: [820, 1180], large: [3840, 2160], small: [320, 640] };
 const axe = readFileSync(new URL('node_modules/axe-core/axe.min.js', import.meta.url), 'utf8');
 
-let failed = 0;
 const browser = await launch();
 const context = await browser.newContext({ viewport: { width: 1280, height: 720 } });
 const page = await context.newPage();
 page.setDefaultTimeout(WAIT_MS);
-const wrongs = [];
-page.on('pageerror', (error) => wrongs.push(`script error: ${error.message}`));
-page.on('console', (message) => {
-  // The browser logs each refused request.
-  if (message.type() === 'error' && !/status of 422/.test(message.text())) wrongs.push(`console: ${message.text()}`);
-});
+// The browser logs each refused request.
+const { promise, end } = makePromises(page, (text) => /status of 422/.test(text));
 const assets = process.env.CORYBANT_ASSETS;
 await page.route((to) => to.origin === new URL(link).origin, (route) => {
   const path = new URL(route.request().url()).pathname;
@@ -31,19 +27,6 @@ await page.route((to) => to.origin === new URL(link).origin, (route) => {
   const isAsset = file && existsSync(file) && !route.request().url().includes('?');
   return isAsset ? route.fulfill({ path: file }) : route.continue();
 });
-
-const check = (kept, words) => { if (!kept) throw new Error(words); };
-
-async function promise(words, body) {
-  try {
-    const note = await body();
-    if (wrongs.length) throw new Error(wrongs.splice(0).join('; '));
-    console.log(`ok      ${words}${note ? ` (${note})` : ''}`);
-  } catch (error) {
-    failed += 1;
-    console.log(`BROKEN  ${words}: ${error.message.split('\n')[0]}`);
-  }
-}
 
 const saying = (id, text) => page.waitForFunction(([wanted, words]) => document.getElementById(wanted).textContent.includes(words), [id, text]);
 const clip = (path) => page.locator(`.clip[data-file="${path}"]`);
@@ -211,9 +194,8 @@ await promise('the page can be reloaded, and a changed label asks for a new buil
 
 await promise('the page can be closed', async () => {
   await page.click('#quit');
-  await saying('saved', 'Corybant has ended');
+  await saying('saved', 'The import has ended');
 });
 
 await browser.close();
-console.log(failed ? `import: ${failed} promises BROKEN` : 'import: all promises kept');
-process.exit(failed ? 1 : 0);
+end('import');

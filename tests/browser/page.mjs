@@ -167,11 +167,12 @@ await promise('a pad launches with the chosen options, for as long as it is held
   },
 });
 
-/** Moves a finger from `from` by `dy` pixels within `ms`, as a touch screen reports it. */
-async function swipe(page, from, dy, ms) {
+/** Moves a finger from `from`, after it rested until `rest` returns, by `dy` pixels within `ms`, as a touch screen reports it. */
+async function swipe(page, from, dy, ms, rest = async () => {}) {
   const touch = await page.context().newCDPSession(page);
   const send = (type, y) => touch.send('Input.dispatchTouchEvent', { type, touchPoints: y === null ? [] : [{ x: from.x, y }] });
   await send('touchStart', from.y);
+  await rest();
   for (let i = 1; i <= 10; i++) {
     await page.waitForTimeout(ms / 10);
     await send('touchMove', from.y + dy * i / 10);
@@ -206,10 +207,15 @@ await promise('on a phone a swipe over the pads scrolls and presses none; a tap 
   await panic(page);
   sent.length = 0;
   await page.locator('#mode').evaluate((mode) => { mode.value = 'gate'; });
-  await swipe(page, at, 0, 600);
-  await waitUntil(() => sent.length >= 2);
-  check(sent.join() === [{ cue: label, mode: 'gate' }, { lift: label }].map((message) => JSON.stringify(message)).join(), `a resting finger sent ${sent}`);
-  await panic(page);
+  const held = [{ cue: label, mode: 'gate' }, { lift: label }].map((message) => JSON.stringify(message)).join();
+  for (const dy of [0, -120]) {
+    sent.length = 0;
+    await swipe(page, at, dy, 200, () => waitUntil(() => sent.length >= 1));
+    await waitUntil(() => sent.length >= 2);
+    check(sent.join() === held, `a resting finger that moves by ${dy} pixels sent ${sent}`);
+    check(await scrolled() === 0, `a pad that is held scrolls by ${await scrolled()} pixels`);
+    await panic(page);
+  }
 }, {
   options: { viewport: { width: 390, height: 844 }, hasTouch: true, isMobile: true },
   before: async (page) => {
@@ -446,7 +452,7 @@ await promise('the pulse does not move if the user prefers reduced motion', asyn
 /** Replaces the vitals of the show: `page.sendVitals(input)` sends vitals with the problems `input` of the audio input. */
 const replaceVitals = (page) => page.routeWebSocket('**/live**', (socket) => {
   socket.connectToServer().onMessage((message) => { if (!message.includes('"type":"vitals"')) socket.send(message); });
-  const vitals = { type: 'vitals', late_ms_p50: 0, late_ms_p99: 0, late_ms_max: 0, missed: 0, input_latency_ms: null, channels: [], outputs: [], colours: {} };
+  const vitals = { type: 'vitals', late_ms_p50: 0, late_ms_p99: 0, late_ms_max: 0, missed: 0, input_latency_ms: null, channels: [], outputs: [], performers: [], colours: {} };
   page.sendVitals = (input) => socket.send(JSON.stringify({ ...vitals, input, osc: null, midi: null }));
 });
 

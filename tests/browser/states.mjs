@@ -132,17 +132,17 @@ const STATES = {
     act: async (page, show) => {
       await page.click('#open-setup');
       await page.click('#setup [data-to="setup-record"]');
-      show.send({ type: 'take', phase: 'kept', label: 'mine', first_beat: 8, beats: 16, message: 'recorded "mine": 8.0 s, 14 motion beats, in takes/mine-1.bvh' });
+      show.send({ type: 'take', phase: 'kept', label: 'mine', first_beat: 8, beats: 16, takes: ['before', 'mine'], message: 'recorded "mine": 8.0 s, 14 motion beats, in takes/mine-1.bvh' });
     },
     undo: (page) => page.click('#setup [data-part="close"]'),
   },
   'count-in': {
     hello: { takes: true },
     act: async (page, show) => {
-      show.send({ type: 'take', phase: 'count_in', label: 'mine', first_beat: show.now() + 40, beats: 16, message: '' });
+      show.send({ type: 'take', phase: 'count_in', label: 'mine', first_beat: show.now() + 40, beats: 16, takes: [], message: '' });
       await page.waitForSelector('#count');
     },
-    undo: (_, show) => show.send({ type: 'take', phase: 'idle', label: '', first_beat: 0, beats: null, message: '' }),
+    undo: (_, show) => show.send({ type: 'take', phase: 'idle', label: '', first_beat: 0, beats: null, takes: [], message: '' }),
   },
   colours: {
     hello: { labels: three },

@@ -168,7 +168,7 @@ fn a_video_has_its_streams_and_its_length_in_both_formats() {
         &["-o", "d.mp4", "-o", "d.webm", "-o", "d.bvh", "--fps", "25"],
         folder.path(),
     ));
-    assert!(told.contains("in d.bvh, d.mp4, d.webm"), "{told}");
+    assert!(told.contains("to d.bvh, d.mp4, d.webm"), "{told}");
     assert_eq!(
         files(folder.path()),
         [

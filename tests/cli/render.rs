@@ -126,7 +126,9 @@ fn a_song_is_danced_in_every_format_with_its_labels_on_their_beats() {
         folder.path(),
     );
     assert!(
-        told.contains("danced 20.0 s: 1201 frames in d.bvh, d.jsonl, d.glb, d.vrma, d.sync.json"),
+        told.contains(
+            "danced 20.0 s (1201 poses), written to d.bvh, d.jsonl, d.glb, d.vrma, d.sync.json"
+        ),
         "{told}"
     );
     assert!(!told.contains("not danced as"), "{told}");

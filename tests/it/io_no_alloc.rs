@@ -111,6 +111,11 @@ fn processing_notes_allocates_nothing() {
         salsa().of(Control::Note(36), None),
         salsa().of(Control::Cc(20), None),
         salsa().of(Control::Program(3), None),
+        MapEntry {
+            record: true,
+            ..salsa()
+        }
+        .of(Control::Note(37), None),
     ];
     let mut mapper =
         MidiMapper::new(&map, &["salsa".into()], queue.clone(), faults.clone()).unwrap();
@@ -124,6 +129,7 @@ fn processing_notes_allocates_nothing() {
             &[0xb0, 20, 127],
             &[0xb0, 20, 0],
             &[0xc0, 3],
+            &[0x90, 37, 100],
         ] {
             for _ in 0..20 {
                 mapper.process(bytes);

@@ -27,6 +27,7 @@ mod stall;
 #[cfg(all(target_os = "linux", feature = "pipewire"))]
 mod start;
 mod takes;
+mod takes_midi;
 mod tempo;
 mod top;
 mod vmc_receiver;

@@ -37,6 +37,11 @@ impl Page {
         )
     }
 
+    /// Sends a message to the show.
+    pub fn send(&mut self, message: &Value) {
+        self.0.send(Message::text(message.to_string())).unwrap();
+    }
+
     /// Returns the next message of the type `kind` for which `matches` returns true.
     pub fn next(&mut self, kind: &str, matches: impl Fn(&Value) -> bool) -> Value {
         let start = Instant::now();

@@ -153,7 +153,7 @@ fn set_up_and_run(desktop: &Desktop) {
     println!("{}", std::fs::read_to_string(&show).unwrap());
     let mut program = Program::start_with(desktop.corybant().arg("run").arg(&show));
     let labels = program.until("labels", |program| program.out.after("labels: "));
-    assert_eq!(labels, "my twist, salsa");
+    assert_eq!(labels, "my twist, slow salsa");
     assert_eq!(poses(&receiver, 100, 10), 100, "{}", program.log.text());
     assert!(
         program

@@ -8,11 +8,13 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use corybant_core::decode::vmc::Receiver;
+use corybant_core::graph::file;
 use corybant_core::motion::humanoid::Bone;
 use corybant_core::motion::live::LivePose;
 use corybant_core::time::Seconds;
 use glam::Quat;
 use rosc::{OscMessage, OscPacket, OscType, encoder};
+use serde_json::json;
 use serial_test::serial;
 
 use crate::common::program::{FAREWELL, Program};
@@ -55,7 +57,8 @@ fn receive(start: Instant) -> (SocketAddr, Frames) {
     (at, frames)
 }
 
-fn show(folder: &Path, name: &str, to: &[String], more: &str) -> Program {
+/// Starts a show at 120 bpm that sends VMC to `to`, with the further settings `more`.
+pub fn show(folder: &Path, name: &str, to: &[String], more: &str) -> Program {
     let file = folder.join(name);
     let text = format!(
         "[osc]\nlisten = \"127.0.0.1:0\"\n[page]\nlisten = \"127.0.0.1:0\"\n[tempo]\nsource = \"fixed\"\nbpm = 120.0\n\
@@ -65,7 +68,7 @@ fn show(folder: &Path, name: &str, to: &[String], more: &str) -> Program {
     Program::start(["run".as_ref(), file.as_os_str()])
 }
 
-fn send(to: SocketAddr, addr: &str, args: Vec<OscType>) {
+pub fn send(to: SocketAddr, addr: &str, args: Vec<OscType>) {
     let message = OscPacket::Message(OscMessage {
         addr: addr.into(),
         args,
@@ -79,6 +82,15 @@ fn send(to: SocketAddr, addr: &str, args: Vec<OscType>) {
 fn rotation(pose: &LivePose, bone: Bone) -> Quat {
     pose.bone(bone)
         .map_or(Quat::IDENTITY, |placed| placed.rotation)
+}
+
+/// Returns the longest time between two poses that arrived from `from` to `until`, in milliseconds.
+fn longest_gap_ms(poses: &[(f64, LivePose)], from: f64, until: f64) -> f64 {
+    let gaps = poses
+        .windows(2)
+        .filter(|pair| pair[0].0 >= from && pair[1].0 <= until)
+        .map(|pair| pair[1].0 - pair[0].0);
+    1000.0 * gaps.fold(0.0, f64::max)
 }
 
 /// Returns the largest angle between the compared bones of two poses, in degrees.
@@ -113,6 +125,15 @@ fn best_angle(danced: &[(f64, LivePose)], original: &[(f64, LivePose)]) -> f32 {
     shifts.fold(f32::MAX, f32::min)
 }
 
+/// Returns the number of graph files in the folder of the takes of the show in `folder`.
+fn graphs(folder: &Path) -> usize {
+    let entries = std::fs::read_dir(folder.join("takes")).unwrap();
+    let names = entries.map(|entry| entry.unwrap().path());
+    names
+        .filter(|path| path.extension().is_some_and(|ending| ending == "graph"))
+        .count()
+}
+
 #[test]
 #[serial]
 fn a_take_of_another_show_is_danced_when_its_pad_is_hit() {
@@ -125,7 +146,10 @@ fn a_take_of_another_show_is_danced_when_its_pad_is_hit() {
         .unwrap()
         .local_addr()
         .unwrap();
-    let motion_in = format!("[[motion_in]]\nlisten = \"{input}\"\n");
+    let base = corybant_repertoire::graph().unwrap();
+    std::fs::write(folder.path().join("base.graph"), file::to_bytes(&base)).unwrap();
+    let motion_in =
+        format!("[graph]\nfile = \"base.graph\"\n[[motion_in]]\nlisten = \"{input}\"\n");
     let mut second = show(
         folder.path(),
         "second.toml",
@@ -187,7 +211,9 @@ fn a_take_of_another_show_is_danced_when_its_pad_is_hit() {
     let hello = page.next("hello", |_| true);
     let shown_after = stopped.elapsed();
     assert_eq!(hello["labels"][known], "mine");
-    let kept = page.next("take", |take| take["phase"] != "building");
+    // The state of the take may have come before the labels, so a new client reads it.
+    let mut late = Page::open(second.listening("page"));
+    let kept = late.next("take", |take| take["phase"] != "building");
     assert_eq!(kept["phase"], "kept", "{kept}");
     println!(
         "the pad was there {shown_after:.2?} after the stop; {}",
@@ -197,9 +223,18 @@ fn a_take_of_another_show_is_danced_when_its_pad_is_hit() {
 
     send(osc, "/cue/mine", vec![OscType::Float(1.0)]);
     page.next("state", |state| state["label"] == known);
+    let (stopped_s, swapped_s) = (
+        (stopped - start).as_secs_f64(),
+        start.elapsed().as_secs_f64(),
+    );
     std::thread::sleep(Duration::from_secs(3));
     let danced: Vec<_> = danced.lock().unwrap().clone();
     let original: Vec<_> = original.lock().unwrap().clone();
+    println!(
+        "longest time between two poses: {:.1} ms before the stop, {:.1} ms while the take was built and taken over",
+        longest_gap_ms(&danced, stopped_s - 8.0, stopped_s),
+        longest_gap_ms(&danced, stopped_s, swapped_s + 1.0)
+    );
     let now = danced.last().unwrap().0;
     let last: Vec<_> = danced
         .iter()
@@ -218,14 +253,37 @@ fn a_take_of_another_show_is_danced_when_its_pad_is_hit() {
     println!("largest angle of a bone, median of the beats: {angle:.2} degrees");
     assert!(angle < ANGLE_MAX, "{angle} degrees");
 
-    // Another name, then out of the show again; the motion file stays.
+    // Another name, and a second take; then both out of the show again at once. The motion files
+    // stay, and the graph files go.
     send(osc, "/record/rename", vec![OscType::String("yours".into())]);
-    page.next("hello", |hello| hello["labels"][known + 1] == "yours");
+    page.next("take", |take| take["takes"] == json!(["yours"]));
+    let label = OscType::String("more".into());
+    send(osc, "/record/start", vec![label, OscType::Int(8)]);
+    page.next("take", |take| take["takes"] == json!(["yours", "more"]));
+    let mut late = Page::open(second.listening("page"));
+    let hello = late.next("hello", |_| true);
+    assert_eq!(hello["labels"][known + 1], "yours");
+    assert_eq!(hello["labels"][known + 2], "more");
+    late.next("take", |take| take["takes"] == json!(["yours", "more"]));
+    assert_eq!(graphs(folder.path()), 2);
+    let asked = Instant::now();
     send(osc, "/record/undo", vec![]);
-    page.next("take", |take| take["phase"] == "idle");
-    assert!(folder.path().join("takes/mine-1.bvh").is_file());
+    send(osc, "/record/undo", vec![]);
+    page.next("take", |take| take["takes"] == json!(["yours"]));
+    page.next("take", |take| take["takes"] == json!([]));
+    println!("two graphs were taken over in {:.2?}", asked.elapsed());
+    send(osc, "/record/undo", vec![]);
+    let refused = page.next("take", |take| take["phase"] == "failed");
+    assert_eq!(refused["message"], "there is no take to undo");
+    // The show dances on, and cues work.
+    send(osc, "/cue/salsa", vec![OscType::Float(1.0)]);
+    page.next("state", |state| state["label"] == salsa);
+    assert_eq!(graphs(folder.path()), 0);
+    for motion in ["mine-1.bvh", "more-1.bvh"] {
+        assert!(folder.path().join("takes").join(motion).is_file());
+    }
     let text = std::fs::read_to_string(folder.path().join("second.toml")).unwrap();
-    assert!(text.contains("[graph]\nfile = \"\""), "{text}");
+    assert!(text.contains("[graph]\nfile = \"base.graph\"\n"), "{text}");
     for program in [first, second] {
         program.signal("INT");
         assert!(program.ends_well() < FAREWELL);

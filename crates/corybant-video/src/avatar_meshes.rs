@@ -12,12 +12,10 @@ use wgpu::{
     TextureDescriptor, TextureDimension, TextureFormat, TextureUsages, TextureView,
 };
 
-use crate::avatar::{Avatar, Material, Picture, Transparency};
+use crate::avatar::{Avatar, FLOATS_PER_VERTEX, Material, Picture, Transparency};
 use crate::gpu::{buffer, extent, view};
 use crate::pipelines::Pipelines;
 
-/// Number of floats of a vertex that change with the pose: position and normal.
-pub const FLOATS_PER_VERTEX: usize = 6;
 /// The format of the pictures of materials.
 const FORMAT: TextureFormat = TextureFormat::Rgba8UnormSrgb;
 /// Value of `cutoff` in the shader with which no pixel is left out.

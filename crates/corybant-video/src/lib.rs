@@ -22,7 +22,7 @@ pub mod camera;
 #[cfg(feature = "gpu")]
 pub mod canvas;
 #[cfg(not(feature = "gpu"))]
-#[path = "canvas_missing.rs"]
+#[path = "canvas/missing.rs"]
 pub mod canvas;
 pub mod ffmpeg;
 pub mod figure;
@@ -37,6 +37,7 @@ pub mod outputs;
 mod pipelines;
 pub mod pose_track;
 pub mod scene;
+mod view;
 
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};

@@ -9,9 +9,9 @@
 use std::f32::consts::{FRAC_PI_2, TAU};
 
 /// Number of vertices in each circle of vertices around the axis of the capsule.
-const AROUND: u16 = 20;
+const AROUND: u16 = 16;
 /// Number of rows of triangles in each round end of the capsule, from its edge to its tip.
-const UP: u16 = 4;
+const UP: u16 = 3;
 
 /// Returns the vertices of a capsule, four floats for each: the direction from the centre of its
 /// hemispherical end as a unit vector, and the number of that end, 0 or 1.

@@ -18,7 +18,8 @@ use wgpu::{
     vertex_attr_array,
 };
 
-use crate::avatar_meshes::{FLOATS_PER_VERTEX, Layer};
+use crate::avatar::FLOATS_PER_VERTEX;
+use crate::avatar_meshes::Layer;
 use crate::figure::FLOATS_PER_LIMB;
 use crate::scene::SCENE_FLOATS;
 
@@ -26,8 +27,9 @@ use crate::scene::SCENE_FLOATS;
 pub const COLOUR: TextureFormat = TextureFormat::Rgba8Unorm;
 /// The texture format of the depth buffers and the shadow map: a 32-bit float.
 pub const DEPTH: TextureFormat = TextureFormat::Depth32Float;
-/// Number of samples that are drawn for each pixel and then averaged, for smooth edges
-/// (anti-aliasing).
+/// Number of samples that are drawn for each pixel of the dancers and then averaged, for smooth
+/// edges (anti-aliasing). The stage has soft edges and needs one sample. `composite.wgsl` has the
+/// same number.
 pub const SAMPLES: u32 = 4;
 /// Offset that is added to the depths in the shadow map: a constant part, and a part proportional
 /// to the slope of the surface. It prevents surfaces from casting shadows on themselves.
@@ -68,11 +70,16 @@ pub struct Pipelines {
     pub backdrop: RenderPipeline,
     /// The pipeline that adds the light of the beams to the background.
     pub beams: RenderPipeline,
+    /// The pipeline that draws the dancers over the background.
+    pub composite: RenderPipeline,
     pub avatars: AvatarPipelines,
     /// The layout of the bind group (set of shader resources) that contains the numbers of a scene.
     pub scene: BindGroupLayout,
     /// The layout of the bind group (set of shader resources) that contains the shadow map.
     pub shadows: BindGroupLayout,
+    /// The layout of the bind group (set of shader resources) that contains the picture of the
+    /// dancers.
+    pub dancers: BindGroupLayout,
 }
 
 /// The GPU pipelines for avatars.
@@ -174,10 +181,22 @@ impl Pipelines {
             bias: BIAS,
             samples: 1,
         };
-        let beams = Kind {
-            blend: Some(SCREEN),
-            ..seen("beam_vertex", "beam_fragment", Vertices::None)
+        let stage = |fragment| Kind {
+            samples: 1,
+            ..seen("far_vertex", fragment, Vertices::None)
         };
+        let beams = Kind {
+            vertex: "beam_vertex",
+            blend: Some(SCREEN),
+            ..stage("beam_fragment")
+        };
+        let composite = Kind {
+            vertex: "composite_vertex",
+            blend: Some(BlendState::PREMULTIPLIED_ALPHA_BLENDING),
+            ..stage("composite_fragment")
+        };
+        let dancers = dancers_layout(device);
+        let over = device.create_shader_module(wgpu::include_wgsl!("composite.wgsl"));
         let make = |layout: &PipelineLayout, kind: &Kind| pipeline(device, &shader, layout, kind);
         Self {
             shadow: make(&alone, &shadow),
@@ -185,16 +204,15 @@ impl Pipelines {
                 &both,
                 &seen("body_vertex", "body_fragment", Vertices::Pieces),
             ),
-            floor: make(&both, &seen("far_vertex", "floor_fragment", Vertices::None)),
-            near: make(&both, &seen("far_vertex", "near_fragment", Vertices::None)),
-            backdrop: make(
-                &both,
-                &seen("far_vertex", "backdrop_fragment", Vertices::None),
-            ),
+            floor: make(&both, &stage("floor_fragment")),
+            near: make(&both, &stage("near_fragment")),
+            backdrop: make(&both, &stage("backdrop_fragment")),
             beams: make(&both, &beams),
+            composite: pipeline(device, &over, &layout(&[Some(&dancers)]), &composite),
             avatars: AvatarPipelines::new(device, &shader, &scene, &shadows),
             scene,
             shadows,
+            dancers,
         }
     }
 }
@@ -234,6 +252,24 @@ fn shadows_layout(device: &Device) -> BindGroupLayout {
     device.create_bind_group_layout(&BindGroupLayoutDescriptor {
         label: None,
         entries: &[entry(0, map), entry(1, sampler)],
+    })
+}
+
+fn dancers_layout(device: &Device) -> BindGroupLayout {
+    let picture = BindingType::Texture {
+        sample_type: TextureSampleType::Float { filterable: false },
+        view_dimension: TextureViewDimension::D2,
+        multisampled: true,
+    };
+    let entries = [BindGroupLayoutEntry {
+        binding: 0,
+        visibility: ShaderStages::FRAGMENT,
+        ty: picture,
+        count: None,
+    }];
+    device.create_bind_group_layout(&BindGroupLayoutDescriptor {
+        label: None,
+        entries: &entries,
     })
 }
 
@@ -311,7 +347,7 @@ fn pipeline(
     layout: &PipelineLayout,
     kind: &Kind,
 ) -> RenderPipeline {
-    let is_solid = kind.vertices != Vertices::None && kind.blend.is_none();
+    let has_depth = kind.vertices != Vertices::None;
     let target = [Some(ColorTargetState {
         blend: kind.blend,
         ..ColorTargetState::from(COLOUR)
@@ -335,9 +371,10 @@ fn pipeline(
             cull_mode: kind.cull,
             ..Default::default()
         },
-        depth_stencil: Some(DepthStencilState {
+        // The background and the composite have no depth.
+        depth_stencil: has_depth.then(|| DepthStencilState {
             format: DEPTH,
-            depth_write_enabled: Some(is_solid),
+            depth_write_enabled: Some(kind.blend.is_none()),
             depth_compare: Some(CompareFunction::LessEqual),
             stencil: StencilState::default(),
             bias: kind.bias,

@@ -10,12 +10,13 @@ use std::sync::Arc;
 use glam::camera::rh::{proj::directx, view};
 use glam::{Mat4, Vec3};
 
-use super::{Settings, Size};
-use crate::avatar::{Avatar, Costume, Rig};
+use super::Settings;
+use crate::avatar::{Avatar, Costume, FLOATS_PER_VERTEX, Rig};
 use crate::camera::{Camera, Shot};
-use crate::figure::{Figure, Palette};
+use crate::figure::{self, FLOATS_PER_LIMB, Figure, Palette};
 use crate::lights::{self, BEAMS_MAX, Music, RINGS, StageView};
 use crate::pose_track::{Joints, PoseTrack};
+use crate::view::{Frame, View};
 use corybant_core::beat::offline::Beat;
 
 /// Number of floats in [`Scene::whole`]: the numbers that the shader reads once for a picture.
@@ -56,8 +57,6 @@ const SHADOW_SIDES: [u32; 3] = [1024, 2048, 4096];
 /// joint, and around the joint's shadow. The value is for a body that is 1 m tall; it is multiplied
 /// by the height of the body.
 const SHADED_AROUND: f32 = 0.35;
-/// Least distance in front of the camera at which the place of a point in the picture is computed, in metres.
-const NEAREST: f32 = 0.2;
 /// The colours of up to eight dancers in linear RGB: for each, body, trim and visor. The ninth
 /// dancer has the colours of the first, and so on.
 const PALETTES: [Palette; 8] = [
@@ -110,11 +109,11 @@ pub struct Scene {
     /// Their count is [`SCENE_FLOATS`].
     pub whole: Vec<f32>,
     /// The numbers of all limb segments of all dancers:
-    /// [`FLOATS_PER_LIMB`](crate::figure::FLOATS_PER_LIMB) for each segment.
+    /// [`FLOATS_PER_LIMB`] for each segment.
     pub pieces: Vec<f32>,
     /// For each dancer with an avatar: its skinned vertices, six floats for each.
     pub skins: Vec<Vec<f32>>,
-    /// Which part of the picture shows the floor, and which part of that can have shadows.
+    /// Which parts of the picture show the floor, its shadows and the dancers.
     pub seen: View,
 }
 
@@ -122,17 +121,6 @@ pub struct Scene {
 pub(crate) struct Dressed {
     pub avatar: Arc<Avatar>,
     pub rig: Rig,
-}
-
-/// Which part of a picture shows the floor, and in which rectangle the floor can have shadows. Both
-/// are in pixels from the upper left corner of the picture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct View {
-    /// Number of the first pixel row that shows the floor, counted from 0 at the top.
-    pub horizon: u32,
-    /// Left, top, right and bottom edge of the rectangle in which the floor can have shadows, in
-    /// pixels from the upper left corner.
-    pub near: [u32; 4],
 }
 
 /// A builder that computes the scene (the shader's numbers) of each picture of a video.
@@ -285,39 +273,24 @@ impl<'a> SceneBuilder<'a> {
         whole
     }
 
-    /// Returns which part of the picture shows the floor, and in which rectangle the floor can have
-    /// shadows. `shot` is the position and direction of the camera.
+    /// Returns which parts of the picture show the floor, its shadows and the dancers. `shot` is the
+    /// position and direction of the camera.
     fn view(&self, shot: &Shot) -> View {
-        let Size { width, height } = self.settings.size;
-        let (view, size) = (shot.view(self.aspect), [width as f32, height as f32]);
-        let pixel = |at: Vec3| [(0.5 + 0.5 * at.x) * size[0], (0.5 - 0.5 * at.y) * size[1]];
-        let ahead = shot.target - shot.eye;
-        let level = view.project_point3(shot.eye + Vec3::new(ahead.x, 0.0, ahead.z));
-        let horizon = pixel(level)[1].clamp(0.0, size[1]) as u32;
-        let corners = shadowed(&self.joints, &self.figures).map(|at| view * at.extend(1.0));
-        let (mut low, mut high) = (size, [0.0_f32; 2]);
-        for clip in corners {
-            // The projection of a point beside or behind the camera is not in the picture.
-            if clip.w < NEAREST {
-                (low, high) = ([0.0; 2], size);
-                break;
-            }
-            let corner = pixel(clip.truncate() / clip.w);
-            for axis in 0..2 {
-                low[axis] = low[axis].min(corner[axis]);
-                high[axis] = high[axis].max(corner[axis]);
-            }
-        }
-        let within = |value: f32, axis: usize| value.clamp(0.0, size[axis]) as u32;
-        let top = within(low[1], 1).max(horizon);
+        let frame = Frame::new(shot, self.settings.size);
+        let limbs = self.scene.pieces.as_chunks::<FLOATS_PER_LIMB>().0;
+        let skins = self.scene.skins.iter();
+        let vertices = skins.flat_map(|skin| skin.as_chunks::<FLOATS_PER_VERTEX>().0);
+        let dancers = limbs
+            .iter()
+            .flat_map(figure::ends)
+            .chain(vertices.map(|v| (Vec3::new(v[0], v[1], v[2]), 0.0)));
+        let horizon = frame.horizon(shot);
+        let floor = shadowed(&self.joints, &self.figures).map(|corner| (corner, 0.0));
+        let [left, top, right, bottom] = frame.bounds(floor);
         View {
             horizon,
-            near: [
-                within(low[0], 0),
-                top,
-                within(high[0] + 1.0, 0),
-                within(high[1] + 1.0, 1).max(top),
-            ],
+            near: [left, top.max(horizon), right, bottom.max(horizon)],
+            dancers: frame.bounds(dancers),
         }
     }
 

@@ -7,6 +7,7 @@ import re
 from programs import Program, Running
 from report import LINUX, SHOW, SHOW_FILE, WINDOWS, last, one_line, report, report_equal
 
+RENDERED = (".glb", ".vrma", ".jsonl", ".sync.json")
 SHELLS = ("bash", "zsh", "fish", "powershell", "elvish")
 
 
@@ -28,10 +29,15 @@ def make(program: Program, song: str | None) -> dict[str, float]:
         program.write(f"completions.{shell}", step(f"completions {shell}", "completions", shell))
     if os.path.isdir("motions"):
         step("build", "build", "../motions", "-o", "show.graph")
+    for kind in ("bvh", "fbx", "vmd"):
+        step(f"build {kind}", "build", f"../formats/{kind}", "-o", f"{kind}.graph")
+        program.write(f"{kind}.txt", step(f"inspect {kind}", "inspect", f"{kind}.graph"))
     if song:
         program.write("beats.txt", step("beats", "beats", f"../{song}", "--bars"))
         step("rehearse", "rehearse", f"../{song}", "-o", "dance.bvh", "--poses", "dance.jsonl")
         step("render", "render", f"../{song}", "-o", "render.bvh")
+        others = [word for ending in RENDERED for word in ("-o", f"other{ending}")]
+        step("render other formats", "render", f"../{song}", "--graph", "fbx.graph", *others)
     return {f"`{name}`": seconds[name] for name in ("build", "beats", "rehearse", "render") if name in seconds}
 
 
@@ -48,11 +54,15 @@ def check_files(song: str | None) -> None:
     report_equal("completions", *(f"completions.{shell}" for shell in SHELLS))
     if os.path.isdir("motions"):
         report_equal("graph", "show.graph")
+    # FBX may differ in the last bits.
+    report_equal("graphs of BVH and VMD", "bvh.graph", "vmd.graph")
+    report_equal("contents of the graphs of BVH, FBX and VMD", "bvh.txt", "fbx.txt", "vmd.txt")
     if song:
         report_equal("beats", "beats.txt")
         report_equal("dance as BVH", "dance.bvh")
         report_equal("dance as JSON lines", "dance.jsonl")
         report_equal("rendered dance", "render.bvh")
+        report_equal("rendered dances of other formats", *(f"other{ending}" for ending in RENDERED))
 
 
 def check_doctor() -> None:

@@ -2,14 +2,17 @@
 
 import fcntl
 import glob
+import http.client
 import json
 import os
 import pty
 import socket
+import struct
 import subprocess
 import termios
 import threading
 import time
+import urllib.error
 import urllib.request
 
 PAGE = "127.0.0.1:8710"
@@ -37,6 +40,11 @@ class Program:
     def file(self, name: str) -> str:
         """The path of a file that the program reads or writes."""
         return os.path.join(self.folder, name)
+
+    def own_path(self, name: str) -> str:
+        """The full path of a file in the folder of the program, as the program writes it."""
+        path = os.path.abspath(self.file(name))
+        return "Z:" + path.replace("/", "\\") if self.command[0] == "wine" else path
 
     def write(self, name: str, text: str) -> None:
         """Writes a file for the program."""
@@ -153,15 +161,43 @@ class Browser:
     def __init__(self) -> None:
         self.opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
 
-    def ask(self, path: str, body: object = None) -> tuple[int, str]:
-        """Sends a request, with `body` as JSON. Returns the status and the text of the answer or of the failure."""
-        data = None if body is None else json.dumps(body).encode()
+    def ask(self, path: str, body: object = None, method: str | None = None) -> tuple[int, str]:
+        """Sends a request, with `body` as bytes or as JSON. Returns the status and the text of the answer or of the failure."""
+        data = body if body is None or isinstance(body, bytes) else json.dumps(body).encode()
         url = path if path.startswith("http") else f"http://{PAGE}{path}"
         try:
-            with self.opener.open(urllib.request.Request(url, data), timeout=20) as answer:
-                return answer.status, answer.read().decode()
-        except OSError as error:
-            return getattr(error, "code", 0), str(error)
+            with self.opener.open(urllib.request.Request(url, data, method=method), timeout=60) as answer:
+                return answer.status, answer.read().decode("utf-8", "replace")
+        except urllib.error.HTTPError as error:
+            return error.code, error.read().decode("utf-8", "replace")
+        except (OSError, http.client.HTTPException) as error:
+            return 0, str(error)
+
+    def until(self, path: str, wanted, seconds: float = 60) -> dict | None:
+        """Asks for JSON until `wanted(answer)` is true. Returns the answer, or None after `seconds`."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            status, text = self.ask(path)
+            if status == 200 and wanted(answer := json.loads(text)):
+                return answer
+            time.sleep(0.1)
+        return None
+
+
+def send_osc(address: str, *arguments: float | int | str, port: int = 9000) -> None:
+    """Sends an OSC message to a show."""
+
+    def padded(text: str) -> bytes:
+        return text.encode() + b"\0" * (4 - len(text.encode()) % 4)
+
+    def encoded(argument: float | int | str) -> bytes:
+        if isinstance(argument, str):
+            return padded(argument)
+        return struct.pack(">i" if isinstance(argument, int) else ">f", argument)
+
+    kinds = "".join({str: "s", int: "i", float: "f"}[type(argument)] for argument in arguments)
+    message = padded(address) + padded("," + kinds) + b"".join(map(encoded, arguments))
+    socket.socket(socket.AF_INET, socket.SOCK_DGRAM).sendto(message, ("127.0.0.1", port))
 
 
 def on_page(kind: str, wanted, seconds: float = 30) -> dict | None:

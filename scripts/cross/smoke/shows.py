@@ -2,14 +2,11 @@
 
 import glob
 import os
-import re
 import signal
-import socket
-import struct
 import time
 
-from programs import Browser, Receiver, Running, on_page
-from report import HAS_SOUND, LINUX, SHOW_FILE, WINDOWS, last, one_line, report, report_equal
+from programs import Browser, Receiver, Running, on_page, send_osc
+from report import LINUX, SHOW_FILE, WINDOWS, last, one_line, report, report_equal
 
 
 def check_demo(vmc: Receiver) -> None:
@@ -18,8 +15,7 @@ def check_demo(vmc: Receiver) -> None:
     demo = Running(WINDOWS, "demo", "--no-sound", "--seconds", "15")
     status, text = demo.until(lambda: (answer := Browser().ask("/"))[0] == 200 and answer) or (0, "no answer")
     report("page", status == 200, f"{len(text)} bytes" if status == 200 else one_line(demo.text()))
-    message = b"/intensity\0\0,f\0\0" + struct.pack(">f", 0.25)
-    socket.socket(socket.AF_INET, socket.SOCK_DGRAM).sendto(message, ("127.0.0.1", 9000))
+    send_osc("/intensity", 0.25)
     taken = on_page("state", lambda state: state["intensity"] == 0.25, 5)
     report("OSC input", bool(taken), "the intensity is 0.25" if taken else "the intensity does not change")
     code = demo.wait(40)
@@ -45,39 +41,6 @@ def check_ends(vmc: Receiver, song: str) -> None:
         report(name, code == 0 and "the whole show" in out + err, f"exit {code} after {took:.2f} s; {last(out + err)}")
         for tape in glob.glob(WINDOWS.file("end*.tape")):
             os.remove(tape)
-
-
-def check_start(vmc: Receiver) -> None:
-    """`corybant` alone: page, setup, a second start, the end."""
-    vmc.times.clear()
-    show, browser = Running(WINDOWS), Browser()
-    link = show.until(lambda: re.search(r"http://\S+\?setup=[\w-]+", show.text()))
-    report("start: link", bool(link), f"{time.monotonic() - show.start:.1f} s" if link else one_line(show.text()))
-    if not link:
-        show.wait(0)
-        return
-    status, page = browser.ask(link.group())
-    report("start: page", status == 200 and 'id="setup"' in page, f"status {status}, {len(page)} bytes")
-    status, state = browser.ask("/setup/state")
-    report("start: setup", status == 200 and '"renderers"' in state, f"status {status}, {len(state)} bytes")
-    status, _ = Browser().ask("/setup/state")
-    report("start: another browser may not set up", status == 403, f"status {status}")
-    status, inputs = browser.ask("/setup/inputs")
-    report("start: inputs", status == 200 and (not HAS_SOUND or '"output"' in inputs), inputs[:300])
-    if HAS_SOUND:
-        status, text = browser.ask("/setup/input", {"input": "default"})
-        changed = show.until(lambda: "audio.input" in show.text(), 10)
-        report("start: another input", status == 200 and bool(changed), text[:100] if status != 200 else "taken over")
-    status, text = browser.ask("/setup/renderer", {"id": "vseeface", "to": "127.0.0.1:39539"})
-    report("start: renderer", status == 200 and '"vseeface"' in text, f"status {status}")
-    count = len(vmc.times)
-    show.until(lambda: len(vmc.times) > count + 120, 10)
-    report("start: poses", len(vmc.times) > count + 120, vmc.summary())
-    _, out, err, _ = WINDOWS.run(seconds=60)
-    report("start: a second start", "runs already" in out + err, last(out + err))
-    status, _ = browser.ask("/setup/quit", {})
-    code = show.wait(10)
-    report("start: end the show", code == 0, f"status {status}, exit {code}")
 
 
 def check_recordings(vmc: Receiver, song: str) -> None:

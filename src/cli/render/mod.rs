@@ -217,10 +217,10 @@ fn write(
         .iter()
         .try_for_each(|path| write_sync(path, &cast, beats))?;
     videos.map_or(Ok(()), corybant_video::outputs::OutputWriters::finish)?;
-    let (seconds, frames) = (summary.seconds, summary.frames);
+    let (seconds, poses) = (summary.seconds, summary.frames);
     let written = list_paths(&summary.written, outputs);
     Ok(format!(
-        "{drawn}danced {seconds:.1} s: {frames} frames in {written}\n"
+        "{drawn}danced {seconds:.1} s ({poses} poses), written to {written}\n"
     ))
 }
 

@@ -21,6 +21,7 @@ impl Setup {
     /// # Errors
     /// A sentence that says why no build starts.
     pub(super) fn start_build(self: &Arc<Self>) -> Result<(), String> {
+        self.refresh_motions()?;
         let mut state = self.state();
         if state.motions.is_building() {
             return Err("the motions are already being built".into());
@@ -120,6 +121,7 @@ impl Setup {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::path::Path;
 
     #[test]
     fn a_file_that_cannot_be_read_is_named() {
@@ -136,6 +138,29 @@ mod tests {
                 .is_some_and(|text| text.len() > 5),
             "{json}"
         );
+    }
+
+    #[test]
+    fn changes_on_the_import_page_are_built() {
+        let setup = Setup::new("127.0.0.1:0".parse().unwrap(), "default").unwrap();
+        assert!(setup.open_import().is_err(), "there is no import page");
+        let salsa = include_bytes!("../../../tests/data/motion/salsa.bvh");
+        setup.add_motion("salsa", "a.bvh", salsa).unwrap();
+        // The page removes a file, adds another one, and gives it a label.
+        setup.set_import(Arc::new(move |folder: &Path| {
+            std::fs::remove_file(folder.join("salsa/a.bvh")).unwrap();
+            std::fs::write(folder.join("b.bvh"), salsa).unwrap();
+            let clips = "[[clip]]\nfile = \"b.bvh\"\nlabel = \"slow\"\n";
+            std::fs::write(folder.join("clips.toml"), clips).unwrap();
+            Ok("a link".into())
+        }));
+        assert_eq!(setup.open_import().unwrap(), "a link");
+        setup.refresh_motions().unwrap();
+        let json = setup.to_json();
+        assert_eq!(json["has_import_page"], true);
+        let files = serde_json::json!([{ "file": "b.bvh", "problem": null }]);
+        assert_eq!(json["motions"]["files"], files);
+        assert_eq!(setup.build_graph().unwrap().labels, ["slow"]);
     }
 
     #[test]

@@ -66,6 +66,10 @@ enum Next {
     Start,
 }
 
+/// Serves the import page for a folder, and returns a link to it that works in one browser, once. An
+/// error says why there is no page.
+pub type ImportOpener = Arc<dyn Fn(&Path) -> Result<String, String> + Send + Sync>;
+
 /// The setup of a show. It lives as long as the program, also while the show starts again.
 pub struct Setup {
     folder: TempDir,
@@ -90,6 +94,10 @@ struct State {
     /// Renderer that the user chose; `None` before a choice.
     renderer: Option<&'static Renderer>,
     motions: Motions,
+    /// Opens the import page; `None` if there is none.
+    import: Option<ImportOpener>,
+    /// True if the import page was opened, so that the motions may have changed there.
+    has_import_page: bool,
     /// Show file that the user saved or opened last.
     saved: Option<PathBuf>,
 }
@@ -117,6 +125,8 @@ impl Setup {
                 problem: None,
                 renderer: None,
                 motions: Motions::default(),
+                import: None,
+                has_import_page: false,
                 saved: None,
             }),
         }))
@@ -130,6 +140,11 @@ impl Setup {
     /// Returns the network address of the page. After the first start its port is not 0.
     pub fn listen(&self) -> SocketAddr {
         self.state().listen
+    }
+
+    /// Lets the page open the import page by `import`.
+    pub fn set_import(&self, import: ImportOpener) {
+        self.state().import = Some(import);
     }
 
     /// Returns the shared flag that ends the current show.
@@ -267,6 +282,7 @@ impl Setup {
             "renderers": choices::RENDERERS,
             "own_motions": settings.has_graph,
             "motions": state.motions.to_json(),
+            "has_import_page": state.has_import_page,
             "problem": state.problem,
             "folder": state.saved.as_deref().and_then(Path::parent).unwrap_or(&folder),
             "name": state.saved.as_deref().and_then(Path::file_stem).map(|name| name.to_string_lossy()),

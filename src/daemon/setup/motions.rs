@@ -6,6 +6,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::Setup;
+use crate::offline::motion_dir;
 use crate::offline::motion_dir::uploads::{
     self, ALL_BYTES_MAX, FILE_BYTES_MAX, FILES_MAX, checked_file_name, checked_label, is_zip,
 };
@@ -91,6 +92,22 @@ impl Motions {
         }
     }
 
+    /// Takes `files`, pairs of a path and a number of bytes, as the present files: the import page may
+    /// have added and removed files. Known files keep their problems.
+    fn set_files(&mut self, files: Vec<(String, usize)>) {
+        let mut before = std::mem::take(&mut self.files);
+        let file = |(path, bytes): (String, usize)| {
+            let known = before.iter_mut().find(|file| file.path == path);
+            MotionFile {
+                problem: known.and_then(|file| file.problem.take()),
+                path,
+                bytes,
+            }
+        };
+        self.files = files.into_iter().map(file).collect();
+        self.files.sort_by(|a, b| a.path.cmp(&b.path));
+    }
+
     pub(super) fn clear(&mut self) {
         *self = Self::default();
     }
@@ -149,6 +166,43 @@ impl Setup {
         std::fs::create_dir_all(&folder)
             .map_err(|error| format!("cannot create the folder of the label {label}: {error}"))?;
         corybant_files::write(&folder.join(&name), bytes).map_err(|error| error.to_string())
+    }
+
+    /// Opens the import page for the motion files, and returns the link to it.
+    ///
+    /// # Errors
+    /// A sentence that says why there is no page.
+    pub(super) fn open_import(&self) -> Result<String, String> {
+        let import = self.state().import.clone();
+        let import = import.ok_or("this program has no import page")?;
+        let folder = self.folder.path().join(FOLDER);
+        std::fs::create_dir_all(&folder)
+            .map_err(|error| format!("cannot create the folder of the motions: {error}"))?;
+        let link = import(&folder)?;
+        self.state().has_import_page = true;
+        Ok(link)
+    }
+
+    /// Reads which motion files there are, after changes on the import page.
+    ///
+    /// # Errors
+    /// A sentence if the folder cannot be read.
+    pub(super) fn refresh_motions(&self) -> Result<(), String> {
+        let folder = self.folder.path().join(FOLDER);
+        if !self.state().has_import_page || !folder.exists() {
+            return Ok(());
+        }
+        let listing = motion_dir::listing(&folder).map_err(|error| error.to_string())?;
+        let size = |path: &str| {
+            let found = std::fs::metadata(folder.join(path));
+            found.map_or(0, |found| found.len() as usize)
+        };
+        let files = listing.entries.into_iter().map(|entry| {
+            let bytes = size(&entry.file);
+            (entry.file, bytes)
+        });
+        self.state().motions.set_files(files.collect());
+        Ok(())
     }
 
     /// Removes all motion files, and uses the built-in motions again.

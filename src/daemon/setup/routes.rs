@@ -9,6 +9,7 @@
 //! | `POST /setup/motions/LABEL/NAME` | the file, or a ZIP | |
 //! | `DELETE /setup/motions` | | |
 //! | `POST /setup/build` | | |
+//! | `POST /setup/import` | | a link to the import page of the motions, which works once |
 //! | `POST /setup/shows` | `{"folder":…}` | the names of the shows in the folder |
 //! | `POST /setup/open` | `{"folder":…,"name":…}` | |
 //! | `POST /setup/save` | `{"folder":…,"name":…,"replace":bool}` | the path; 409 if a file exists |
@@ -20,39 +21,28 @@
 use std::sync::Arc;
 
 use axum::Router;
-use axum::body::Bytes;
-use axum::extract::{DefaultBodyLimit, FromRequest, Path, Request, State};
+use axum::extract::{DefaultBodyLimit, Path, Request, State};
 use axum::http::StatusCode;
-use axum::http::header::{CONTENT_TYPE, HeaderName};
-use axum::response::{IntoResponse, Response};
+use axum::response::Response;
 use axum::routing::{get, post};
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
-use tokio::sync::Semaphore;
-use tokio::task::spawn_blocking;
 
 use super::save::{self, SaveError};
 use super::{Setup, choices};
 use crate::audio::input;
 use crate::offline::motion_dir::uploads::FILE_BYTES_MAX;
+use crate::web::http::replies::{
+    self, BODY_BYTES_MAX, RequestError, Uploads, parse, unprocessable,
+};
 use corybant_files::shown;
-
-/// Longest accepted body of a request that is not a motion file, in bytes.
-const BODY_BYTES_MAX: usize = 64 << 10;
-/// Largest number of motion files that are received at the same time.
-const UPLOADS_MAX: usize = 2;
-const JSON: (HeaderName, &str) = (CONTENT_TYPE, "application/json");
 
 /// The data that all requests share.
 #[derive(Clone)]
 struct Shared {
     setup: Arc<Setup>,
-    uploads: Arc<Semaphore>,
+    uploads: Uploads,
 }
-
-/// Reason for a refused request: status and sentence.
-type RequestError = (StatusCode, String);
 
 /// Returns the router of the requests that change `setup`.
 pub(super) fn router(setup: Arc<Setup>) -> Router {
@@ -67,6 +57,7 @@ pub(super) fn router(setup: Arc<Setup>) -> Router {
         .route("/setup/renderer", post(choose_renderer))
         .route("/setup/motions", axum::routing::delete(remove_motions))
         .route("/setup/build", post(build))
+        .route("/setup/import", post(import))
         .route("/setup/shows", post(shows))
         .route("/setup/open", post(open))
         .route("/setup/save", post(save_show))
@@ -75,7 +66,7 @@ pub(super) fn router(setup: Arc<Setup>) -> Router {
         .route("/setup/motions/{label}/{name}", motion)
         .with_state(Shared {
             setup,
-            uploads: Arc::new(Semaphore::new(UPLOADS_MAX)),
+            uploads: Uploads::new(FILE_BYTES_MAX),
         })
 }
 
@@ -84,13 +75,7 @@ async fn respond(
     shared: Shared,
     work: impl FnOnce(&Arc<Setup>) -> Result<Value, RequestError> + Send + 'static,
 ) -> Response {
-    match spawn_blocking(move || work(&shared.setup)).await {
-        Ok(Ok(value)) => ([JSON], value.to_string()).into_response(),
-        Ok(Err((status, message))) => {
-            (status, [JSON], json!({ "message": message }).to_string()).into_response()
-        }
-        Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),
-    }
+    replies::respond(move || work(&shared.setup)).await
 }
 
 /// Runs `work` on a thread that may wait, and returns the state of the setup afterwards.
@@ -103,14 +88,6 @@ async fn answer(
         Ok(setup.to_json())
     })
     .await
-}
-
-fn unprocessable(message: String) -> RequestError {
-    (StatusCode::UNPROCESSABLE_ENTITY, message)
-}
-
-fn parse<T: DeserializeOwned>(body: &str) -> Result<T, String> {
-    serde_json::from_str(body).map_err(|error| format!("the request is not understood: {error}"))
 }
 
 async fn inputs(State(shared): State<Shared>) -> Response {
@@ -149,16 +126,14 @@ async fn add_motion(
     Path((label, name)): Path<(String, String)>,
     request: Request,
 ) -> Response {
-    let Ok(_permit) = shared.uploads.clone().acquire_owned().await else {
-        return StatusCode::SERVICE_UNAVAILABLE.into_response();
+    let upload = match shared.uploads.receive(&name, request).await {
+        Ok(upload) => upload,
+        Err(refused) => return refused,
     };
-    let Ok(body) = Bytes::from_request(request, &()).await else {
-        let limit = FILE_BYTES_MAX >> 20;
-        let message = format!("{name} is not received completely: a file may have {limit} MiB");
-        let message = json!({ "message": message }).to_string();
-        return (StatusCode::PAYLOAD_TOO_LARGE, [JSON], message).into_response();
-    };
-    answer(shared, move |setup| setup.add_motion(&label, &name, &body)).await
+    answer(shared, move |setup| {
+        setup.add_motion(&label, &name, &upload.bytes)
+    })
+    .await
 }
 
 async fn remove_motions(State(shared): State<Shared>) -> Response {
@@ -167,6 +142,14 @@ async fn remove_motions(State(shared): State<Shared>) -> Response {
 
 async fn build(State(shared): State<Shared>) -> Response {
     answer(shared, |setup| setup.start_build()).await
+}
+
+async fn import(State(shared): State<Shared>) -> Response {
+    respond(shared, |setup| {
+        let link = setup.open_import().map_err(unprocessable)?;
+        Ok(json!({ "link": link }))
+    })
+    .await
 }
 
 #[derive(Deserialize)]

@@ -1,9 +1,12 @@
 //! Adds takes to the motion graph of a show. In: takes, the show file. Out: BVH files and graph
-//! files in the folder `takes` beside the show file, and edits of the show file. Thread: takes.
+//! files in the folder `takes` beside the show file, and edits of the show file. Graph files that
+//! nothing needs are removed. Thread: takes. Allocates.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use toml_edit::{DocumentMut, Item, Table, value};
+use toml_edit::{DocumentMut, Item, Table, TableLike, Value, value};
+use tracing::warn;
 
 use crate::config::Config;
 use crate::config::graphs::read_graph;
@@ -24,12 +27,13 @@ const NUMBER_MAX: u32 = 9_999;
 const BEATS_MIN: usize = 2;
 /// Largest show file that is read, in MiB.
 const MIB_MAX: u64 = 16;
+/// Largest motion file of a take that is read, in MiB.
+const MOTION_MIB_MAX: u64 = 256;
 
-/// The motion of a take, as BVH.
+/// The motion of a take, in a BVH file.
 #[derive(Clone, Debug)]
 pub(super) struct Motion {
     path: PathBuf,
-    bytes: Vec<u8>,
     /// Show time of the first pose.
     start: Seconds,
     frames: usize,
@@ -70,13 +74,21 @@ pub(super) struct TakeFolder {
     show_file: PathBuf,
     /// Index of the dancer whose performer is recorded.
     dancer: usize,
+    /// True if no graph file may be removed.
+    keeps_graphs: bool,
+    /// The graph files that this value has written and not removed.
+    written: Vec<PathBuf>,
 }
 
 impl TakeFolder {
-    pub(super) fn new(show_file: &Path, dancer: usize) -> Self {
+    /// Creates the folder of the takes beside `show_file`, for the performer of the dancer with the
+    /// index `dancer`. If `keeps_graphs` is true, no graph file is removed.
+    pub(super) fn new(show_file: &Path, dancer: usize, keeps_graphs: bool) -> Self {
         Self {
             show_file: show_file.into(),
             dancer,
+            keeps_graphs,
+            written: Vec::new(),
         }
     }
 
@@ -92,7 +104,6 @@ impl TakeFolder {
         corybant_files::write(&path, &bytes).map_err(|error| error.to_string())?;
         Ok(Motion {
             path,
-            bytes,
             start: take.start(),
             frames: clip.frames(),
         })
@@ -106,7 +117,7 @@ impl TakeFolder {
     /// A sentence that says why the motion cannot be a part of the graph, or why a file cannot be
     /// read or written.
     pub(super) fn add(
-        &self,
+        &mut self,
         motion: Motion,
         label: &str,
         timeline: &Timeline,
@@ -120,7 +131,7 @@ impl TakeFolder {
     /// # Errors
     /// Those of [`TakeFolder::add`].
     pub(super) fn add_instead(
-        &self,
+        &mut self,
         last: &Added,
         label: &str,
         timeline: &Timeline,
@@ -130,7 +141,7 @@ impl TakeFolder {
     }
 
     fn add_to(
-        &self,
+        &mut self,
         motion: Motion,
         label: &str,
         timeline: &Timeline,
@@ -142,7 +153,9 @@ impl TakeFolder {
             label: Some(label.to_owned()),
             ..ImportOptions::default()
         };
-        let named = (label, &*motion.bytes);
+        let bytes = corybant_files::read(&motion.path, MOTION_MIB_MAX)
+            .map_err(|error| error.to_string())?;
+        let named = (label, &*bytes);
         let (mut analysed, _) =
             analyse_onto(&graph.skeleton, named, &options).map_err(|error| error.to_string())?;
         if beat_count(&analysed) < BEATS_MIN {
@@ -164,27 +177,57 @@ impl TakeFolder {
             .and_then(|()| pending.finish())
             .map_err(|error| error.to_string())?;
         let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let after = format!("{FOLDER}/{name}");
+        self.written.push(path);
         Ok(Added {
             label: label.to_owned(),
             motion,
             beats,
             setting,
             before,
-            after: format!("{FOLDER}/{name}"),
+            after,
         })
+    }
+
+    /// Removes the graph files that this value has written, except those that the show file names
+    /// and those that undoing the takes `kept` needs. If the show file cannot be read, nothing is
+    /// removed.
+    pub(super) fn remove_graphs(&mut self, kept: &[Added]) {
+        if self.keeps_graphs || self.written.is_empty() {
+            return;
+        }
+        let Ok(config) = self.config() else { return };
+        let folder = self.folder().to_owned();
+        let named = config.graph_files(None, &folder).into_iter().flatten();
+        let of_takes = kept
+            .iter()
+            .flat_map(|added| [&added.before, &added.after])
+            .map(|name| folder.join(name));
+        let needed: BTreeSet<PathBuf> = named.chain(of_takes).collect();
+        self.written.retain(|path| {
+            needed.contains(path)
+                || std::fs::remove_file(path).is_err_and(|error| {
+                    warn!("cannot remove {}: {error}", shown(path));
+                    error.kind() != std::io::ErrorKind::NotFound
+                })
+        });
     }
 
     fn folder(&self) -> &Path {
         self.show_file.parent().unwrap_or(Path::new(""))
     }
 
-    /// Returns the setting that names the graph of the dancer, and its value.
-    fn graph_setting(&self) -> Result<(GraphSetting, String), String> {
+    /// Reads the show file.
+    fn config(&self) -> Result<Config, String> {
         let bytes =
             corybant_files::read(&self.show_file, MIB_MAX).map_err(|error| error.to_string())?;
         let text = corybant_files::text(bytes).map_err(|error| error.to_string())?;
-        let config =
-            Config::parse(&shown(&self.show_file), &text).map_err(|error| error.to_string())?;
+        Config::parse(&shown(&self.show_file), &text).map_err(|error| error.to_string())
+    }
+
+    /// Returns the setting that names the graph of the dancer, and its value.
+    fn graph_setting(&self) -> Result<(GraphSetting, String), String> {
+        let config = self.config()?;
         let text = |path: &Path| path.to_string_lossy().into_owned();
         // A follower dances on the graph of its leader.
         let follows = config.dancer.get(self.dancer).map(|dancer| &dancer.follows);
@@ -220,12 +263,18 @@ impl TakeFolder {
 impl Added {
     /// Returns the edit with which the show takes the graph with the take over.
     pub(super) fn change(&self) -> TextChange {
-        set_graph(self.setting, self.after.clone())
+        set_graph(self.setting, &self.before, &self.after)
+    }
+
+    /// Returns the edit with which the show takes the graph with this take over instead of the graph
+    /// with the take `last`.
+    pub(super) fn change_from(&self, last: &Self) -> TextChange {
+        set_graph(self.setting, &last.after, &self.after)
     }
 
     /// Returns the edit with which the show takes the graph before the take over.
     pub(super) fn change_back(&self) -> TextChange {
-        set_graph(self.setting, self.before.clone())
+        set_graph(self.setting, &self.after, &self.before)
     }
 
     /// Returns the label, the length and the file of the take, in words.
@@ -278,23 +327,39 @@ fn file_name(label: &str) -> String {
     label.chars().map(allowed).collect()
 }
 
-/// Returns the edit that sets the graph file `graph`; an empty one for the built-in repertoire.
-fn set_graph(setting: GraphSetting, graph: String) -> TextChange {
+/// Returns the edit that sets the graph file `to` instead of `from`; an empty name stands for the
+/// built-in repertoire. The edit is refused if the show file names another graph than `from`.
+fn set_graph(setting: GraphSetting, from: &str, to: &str) -> TextChange {
+    let (from, to) = (from.to_owned(), to.to_owned());
     Box::new(move |text| {
         let mut document: DocumentMut = text.parse().map_err(|error| format!("{error}"))?;
-        match setting {
+        let (table, key) = match setting {
             GraphSetting::Shared => {
                 let section = document.entry("graph").or_insert(Item::Table(Table::new()));
-                section["file"] = value(&graph);
+                (section.as_table_like_mut(), "file")
             }
             GraphSetting::Dancer(dancer) => {
                 let dancers = document
                     .get_mut("dancer")
                     .and_then(Item::as_array_of_tables_mut);
                 let dancer = dancers.and_then(|dancers| dancers.get_mut(dancer));
-                let dancer = dancer.ok_or("the show file has fewer dancers than the show")?;
-                dancer["graph"] = value(&graph);
+                (dancer.map(|dancer| dancer as &mut dyn TableLike), "graph")
             }
+        };
+        let table = table.ok_or("the show file has fewer dancers than the show")?;
+        let now = table.get(key).and_then(Item::as_str).unwrap_or_default();
+        if now != from {
+            return Err(format!(
+                "the show file now names the graph {now:?} instead of {from:?}; set it back first"
+            ));
+        }
+        match table.get_mut(key).and_then(Item::as_value_mut) {
+            Some(place) => {
+                let decor = place.decor().clone();
+                *place = Value::from(&to);
+                *place.decor_mut() = decor;
+            }
+            None => drop(table.insert(key, value(&to))),
         }
         Ok(document.to_string())
     })

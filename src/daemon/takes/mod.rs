@@ -4,6 +4,8 @@
 //! "takes". Allocates.
 
 mod build;
+#[cfg(test)]
+mod tests;
 
 use std::sync::mpsc::RecvTimeoutError;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -28,6 +30,8 @@ use corybant_core::time::Seconds;
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
 /// Longest take.
 const DURATION_MAX: Seconds = Seconds(300.0);
+/// Largest number of takes that can be undone; older ones stay in the show.
+const UNDO_MAX: usize = 16;
 
 /// The take that a motion input fills while it is there. Clones share it.
 #[derive(Clone, Debug, Default)]
@@ -67,6 +71,8 @@ pub(super) struct TakeParts {
     pub(super) edits: Option<EditSender>,
     /// True if the command line names the graph instead of the show file.
     pub(super) has_graph_option: bool,
+    /// True if the show is recorded; a replay of the recording needs all graph files.
+    pub(super) is_recorded: bool,
 }
 
 /// Starts the thread that records takes of the first live performer. Dropping the returned value
@@ -87,9 +93,9 @@ pub(super) fn start(config: &Config, parts: TakeParts) -> std::io::Result<Option
         clock: parts.clock,
         edits,
         has_graph_option: parts.has_graph_option,
-        folder: TakeFolder::new(show_file, dancer),
+        folder: TakeFolder::new(show_file, dancer, parts.is_recorded),
         running: None,
-        last: None,
+        kept: Vec::new(),
     };
     Worker::start("takes", move |stop| thread.run(stop)).map(Some)
 }
@@ -112,8 +118,8 @@ struct TakeThread {
     has_graph_option: bool,
     folder: TakeFolder,
     running: Option<Running>,
-    /// The last take that the show has taken over.
-    last: Option<Added>,
+    /// The takes that the show has taken over and that can be undone, the newest one last.
+    kept: Vec<Added>,
 }
 
 impl TakeThread {
@@ -130,8 +136,11 @@ impl TakeThread {
 
     fn process(&mut self, request: TakeRequest) {
         let result = match request {
+            TakeRequest::Toggle { label, beats } if self.running.is_none() => {
+                self.begin(label, beats)
+            }
             TakeRequest::Start { label, beats } => self.begin(label, beats),
-            TakeRequest::Stop => {
+            TakeRequest::Stop | TakeRequest::Toggle { .. } => {
                 self.stop();
                 Ok(())
             }
@@ -141,6 +150,7 @@ impl TakeThread {
         if let Err(why) = result {
             self.fail(why);
         }
+        self.folder.remove_graphs(&self.kept);
     }
 
     /// Counts a take in, from the next start of a bar on that leaves four beats.
@@ -209,6 +219,7 @@ impl TakeThread {
             Ok(message) => self.publish(&running, TakePhase::Kept, &message),
             Err(why) => self.fail(why),
         }
+        self.folder.remove_graphs(&self.kept);
     }
 
     /// Writes the take with the label `label`, and lets the show take over a graph with it. Returns
@@ -217,67 +228,79 @@ impl TakeThread {
         let motion = self.folder.write_motion(label, take)?;
         let timeline = self.tempo.read().timeline;
         let added = self.folder.add(motion, label, &timeline)?;
-        self.edits.apply(added.change())?;
-        let message = format!("recorded {}", added.describe());
+        let at_restart = self.edits.apply(added.change())?;
+        let mut message = format!("recorded {}", added.describe());
+        if !at_restart.is_empty() {
+            message += "; the show dances it after its next start";
+        }
         info!("{message}");
-        self.last = Some(added);
+        if self.kept.len() == UNDO_MAX {
+            self.kept.remove(0);
+        }
+        self.kept.push(added);
         Ok(message)
     }
 
-    /// Takes the last take out of the show again.
+    /// Takes the last take out of the show again, so that the one before is the last one.
     fn undo(&mut self) -> Result<(), String> {
-        let last = self.last.as_ref().ok_or("there is no take to undo")?;
+        let last = self.kept.last().ok_or("there is no take to undo")?;
         let message = format!(
             "the take {:?} is no longer in the show; its motion stays in {}",
             last.label,
             last.motion.name()
         );
         self.edits.apply(last.change_back())?;
-        self.last = None;
+        self.kept.pop();
         info!("{message}");
-        self.inbox.state.send_replace(TakeState {
-            message,
-            ..TakeState::default()
-        });
+        self.report(TakePhase::Idle, "", message);
         Ok(())
     }
 
     /// Gives the last take the label `label`.
     fn rename(&mut self, label: &str) -> Result<(), String> {
-        let last = self.last.as_ref().ok_or("there is no take to rename")?;
+        let last = self.kept.last().ok_or("there is no take to rename")?;
         let timeline = self.tempo.read().timeline;
         let added = self.folder.add_instead(last, label, &timeline)?;
-        self.edits.apply(added.change())?;
+        self.edits.apply(added.change_from(last))?;
         let message = format!("renamed: {}", added.describe());
-        self.inbox.state.send_replace(TakeState {
-            phase: TakePhase::Kept,
-            label: label.to_owned(),
-            message,
-            ..TakeState::default()
-        });
-        self.last = Some(added);
+        self.kept.pop();
+        self.kept.push(added);
+        self.report(TakePhase::Kept, label, message);
         Ok(())
     }
 
     fn publish(&self, running: &Running, phase: TakePhase, message: &str) {
-        self.inbox.state.send_replace(TakeState {
-            phase,
-            label: running.label.clone(),
-            first_beat: running.first_beat,
-            beats: running.beats,
-            message: message.to_owned(),
+        self.inbox.update(|state| {
+            *state = TakeState {
+                phase,
+                label: running.label.clone(),
+                first_beat: running.first_beat,
+                beats: running.beats,
+                message: message.to_owned(),
+                takes: self.labels(),
+            };
+        });
+    }
+
+    /// Reports `message` about the last take, `label`. A take that is recorded goes on.
+    fn report(&self, phase: TakePhase, label: &str, message: String) {
+        self.inbox.update(|state| {
+            if self.running.is_none() {
+                state.phase = phase;
+                label.clone_into(&mut state.label);
+            }
+            (state.message, state.takes) = (message, self.labels());
         });
     }
 
     /// Reports that a take or a request has failed. A take that is recorded goes on.
     fn fail(&self, why: String) {
         warn!("record: {why}");
-        let is_running = self.running.is_some();
-        self.inbox.state.send_modify(|state| {
-            if !is_running {
-                state.phase = TakePhase::Failed;
-            }
-            state.message = why;
-        });
+        self.report(TakePhase::Failed, "", why);
+    }
+
+    fn labels(&self) -> Vec<String> {
+        let labels = self.kept.iter().map(|added| added.label.clone());
+        labels.collect()
     }
 }

@@ -215,7 +215,9 @@ impl ManagerThread {
         .ok()?;
         self.controllers.push(Controller::new(
             settings,
-            mapper.learning(number, &self.session),
+            mapper
+                .learning(number, &self.session)
+                .with_takes(&self.takes),
         ));
         Some(number)
     }

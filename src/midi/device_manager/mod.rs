@@ -12,16 +12,17 @@ use std::time::{Duration, Instant};
 
 use crossbeam::queue::ArrayQueue;
 use tokio::sync::broadcast;
-use tracing::info;
+use tracing::{info, warn};
 
 use super::controller::{Controller, DeviceEvent};
 use super::learn::LearnReport;
 use super::led_feedback::{LedFeedback, LedPublisher};
-use super::mapper::LearnSession;
+use super::mapper::{LearnSession, TakeButtons};
 use super::{MidiError, MidiMapper, Settings};
 use crate::rt::cue_queue::CueQueue;
 use crate::rt::histogram::Percentiles;
 use crate::rt::show_names::PADS_ADDED_MAX;
+use crate::rt::takes::{NO_TAKES, TakeDesk};
 use crate::rt::waker::Waker;
 use crate::rt::warnings::Warnings;
 use crate::rt::worker::{StopSignal, Worker};
@@ -52,6 +53,8 @@ pub struct MidiContext {
     /// Show file in which learnt controls are saved; `None` if learnt controls are forgotten at the
     /// end of the show.
     pub show_file: Option<Arc<ShowFile>>,
+    /// Recorder of takes; `None` if the show records none.
+    pub takes: Option<TakeDesk>,
     /// Function that the thread for the LEDs calls at its start, to raise the priority of the
     /// thread.
     pub raise_priority: fn(),
@@ -130,6 +133,7 @@ impl DeviceManager {
     ) -> Result<(Self, LedPublisher), MidiError> {
         let waker = Waker::default();
         let session = Arc::new(LearnSession::new(waker.clone()));
+        let takes = TakeButtons::new(waker.clone());
         let mut controllers = Vec::with_capacity(settings.len());
         for (number, settings) in settings.iter().enumerate() {
             let mapper = MidiMapper::new(
@@ -138,12 +142,14 @@ impl DeviceManager {
                 context.cues.clone(),
                 context.faults.clone(),
             )?
-            .learning(number, &session);
+            .learning(number, &session)
+            .with_takes(&takes);
             controllers.push(Controller::new(settings.clone(), mapper));
         }
         let pad_count = context.labels.len() + PADS_ADDED_MAX;
         let (leds, publisher) =
-            LedFeedback::start(pad_count, context.raise_priority).map_err(MidiError::Thread)?;
+            LedFeedback::start(pad_count, context.raise_priority, context.takes.as_ref())
+                .map_err(MidiError::Thread)?;
         let leds = Arc::new(leds);
         let control = MidiControl {
             commands: Arc::new(ArrayQueue::new(COMMANDS_MAX)),
@@ -153,6 +159,7 @@ impl DeviceManager {
         let mut thread = ManagerThread {
             controllers,
             session,
+            takes,
             leds: leds.clone(),
             control: control.clone(),
             context,
@@ -201,6 +208,7 @@ impl Drop for DeviceManager {
 struct ManagerThread {
     controllers: Vec<Controller>,
     session: Arc<LearnSession>,
+    takes: TakeButtons,
     leds: Arc<LedFeedback>,
     control: MidiControl,
     context: MidiContext,
@@ -224,6 +232,7 @@ impl ManagerThread {
             while let Some(moved) = self.session.moved() {
                 self.process_moved(&moved);
             }
+            self.request_takes();
             let now = Instant::now();
             self.check_learn_timeout(now);
             if now >= next_search {
@@ -231,6 +240,16 @@ impl ManagerThread {
                 next_search = now + SEARCH_INTERVAL;
             }
             std::thread::park_timeout(next_search.saturating_duration_since(Instant::now()));
+        }
+    }
+
+    /// Sends the requests of controls to the recorder of takes.
+    fn request_takes(&self) {
+        while let Some(request) = self.takes.pop() {
+            match &self.context.takes {
+                Some(desk) => desk.request((*request).clone()),
+                None => warn!("midi: {NO_TAKES}"),
+            }
         }
     }
 
@@ -339,7 +358,8 @@ impl ManagerThread {
             self.context.warnings.clear(&warning_topic(number));
         }
         let mapper = MidiMapper::new(&settings.map, labels, cues.clone(), faults.clone())?
-            .learning(number, &self.session);
+            .learning(number, &self.session)
+            .with_takes(&self.takes);
         let controller = Controller::new(settings, mapper);
         match self.controllers.get_mut(number) {
             Some(place) => *place = controller,

@@ -4,9 +4,11 @@
 
 use std::net::SocketAddr;
 use std::sync::Arc;
+use std::time::Instant;
 
 use tracing::info;
 
+use super::counter::MotionCounter;
 use super::{MotionInError, MotionSocket, Settings};
 use crate::rt::latest::Latest;
 use crate::rt::show_clock::ShowClock;
@@ -32,6 +34,7 @@ pub(crate) struct MotionContext {
 #[derive(Debug)]
 pub(crate) struct MotionListener {
     local: SocketAddr,
+    counter: MotionCounter,
     _worker: Worker,
 }
 
@@ -50,6 +53,7 @@ impl MotionListener {
         let socket = MotionSocket::open(&settings.listen, &setting)?;
         let local = socket.local_addr();
         let latest = Latest::default();
+        let counter = MotionCounter::default();
         let receiver = MotionReceiver {
             about: key.into(),
             socket,
@@ -57,6 +61,7 @@ impl MotionListener {
             context: context.clone(),
             sender: None,
             faults: 0,
+            counter: counter.clone(),
         };
         let worker = Worker::start("motion-in", move |stop| receiver.run(stop));
         let worker = worker.map_err(|source| MotionInError {
@@ -66,6 +71,7 @@ impl MotionListener {
         })?;
         let listener = Self {
             local,
+            counter,
             _worker: worker,
         };
         Ok((listener, latest))
@@ -74,6 +80,11 @@ impl MotionListener {
     /// Returns the network address at which motion is received; the port is never 0.
     pub(crate) fn local_addr(&self) -> SocketAddr {
         self.local
+    }
+
+    /// Returns the counter of what the listener receives.
+    pub(crate) fn counter(&self) -> &MotionCounter {
+        &self.counter
     }
 }
 
@@ -87,6 +98,7 @@ struct MotionReceiver {
     sender: Option<SocketAddr>,
     /// Number of faults that have been counted.
     faults: u64,
+    counter: MotionCounter,
 }
 
 impl MotionReceiver {
@@ -97,11 +109,14 @@ impl MotionReceiver {
                 socket,
                 latest,
                 context,
+                counter,
                 ..
             } = &mut self;
             socket.receive(&mut |pose| {
+                let now = Instant::now();
+                counter.count_pose(now);
                 // Before the start of the show there is no pose to mix.
-                if let Some(time) = context.clock.at(std::time::Instant::now()) {
+                if let Some(time) = context.clock.at(now) {
                     let pose = LivePose {
                         time,
                         ..pose.clone()
@@ -121,6 +136,7 @@ impl MotionReceiver {
         self.context.faults.add(Fault::BadOsc, faults - self.faults);
         self.faults = faults;
         let sender = self.socket.sender();
+        self.counter.set(faults, sender);
         if sender == self.sender {
             return;
         }

@@ -3,6 +3,7 @@
 //! "motion-in" during a show; it waits at most 100 ms at a time (on Windows 500 ms). Allocates: while
 //! it decodes a datagram.
 
+mod counter;
 mod listener;
 mod settings;
 
@@ -18,6 +19,7 @@ use corybant_core::decode::vmc::{Counts, DATAGRAM_MAX, Receiver};
 use corybant_core::motion::live::LivePose;
 use corybant_core::time::Seconds;
 
+pub(crate) use counter::MotionCounter;
 pub(crate) use listener::{MotionContext, MotionListener};
 pub use settings::{Kind, Settings};
 

@@ -119,12 +119,15 @@ function hello(message) {
   $('mode').querySelector('[value="record"]').hidden = !message.takes;
   const text = JSON.stringify(message);
   if (text === aboutText) return;
+  const known = about?.labels ?? message.labels;
+  const added = message.labels.filter((label) => !known.includes(label));
   about = message;
   aboutText = text;
   pads = makePads($('pads'), about.labels, { press: launch, lift, isHeld: () => ['gate', 'repeat'].includes($('mode').value) });
   pages = makePadPages($('find'), pads.elements);
+  if (added.length) pages.reveal(added.at(-1));
   colours.groups([...new Set(about.labels.map((label) => partsOf(label)[0]))], about.dancers.map(({ name }) => name));
-  learn.labels(about.labels);
+  learn.labels(about.labels, message.takes);
   showThumbs(pads.elements);
   $('source').replaceChildren(...about.sources.map((name) => new Option(name)));
   showCast();

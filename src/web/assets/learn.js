@@ -6,7 +6,9 @@ const COMMANDS = [
   ['!follow', 'follow the live performer'], ['!intensity release', 'intensity: follow the music'], ['!tap', 'tap'], ['!half', 'half'], ['!double', 'double'], ['!downbeat', 'downbeat'],
   ['!nudge -10', 'beats 10 ms earlier'], ['!nudge 10', 'beats 10 ms later'],
 ];
+const RECORD_COMMANDS = [['!record_stop', 'stop the take'], ['!record_undo', 'undo the last take']];
 const MODES = [['trigger', '8 beats'], ['gate', 'while held'], ['toggle', 'toggle'], ['repeat', 'loop while held']];
+const RECORD = ['record', 'record takes'];
 
 function choice(label, options) {
   const select = document.createElement('select');
@@ -15,7 +17,7 @@ function choice(label, options) {
   return select;
 }
 
-/** Fills `element` with the controls; `send(message)` sends a message. Returns `{ labels(names), showAnswer(answer) }`. */
+/** Fills `element` with the controls; `send(message)` sends a message. Returns `{ labels(names, takes), showAnswer(answer) }`. */
 export function makeLearn(element, send) {
   const what = choice('Action of the MIDI control', COMMANDS);
   const mode = choice('Launch mode of the MIDI control', MODES);
@@ -38,14 +40,20 @@ export function makeLearn(element, send) {
   button.addEventListener('click', () => {
     if (button.getAttribute('aria-pressed') === 'true') return send({ learn: null });
     const learn = { label: what.value };
-    if (isLabel()) learn.mode = mode.value;
+    if (isLabel() && mode.value === 'record') learn.record = true;
+    else if (isLabel()) learn.mode = mode.value;
     return send({ learn });
   });
 
   return {
-    labels(names) {
+    /** Takes the names of the labels; `takes` is true if the show records takes. */
+    labels(names, takes) {
       const chosen = what.value;
-      what.replaceChildren(...names.map((name) => new Option(name, name)), ...COMMANDS.map(([value, text]) => new Option(text, value)));
+      const commands = [...COMMANDS, ...(takes ? RECORD_COMMANDS : [])];
+      what.replaceChildren(...names.map((name) => new Option(name, name)), ...commands.map(([value, text]) => new Option(text, value)));
+      const wanted = mode.value;
+      mode.replaceChildren(...[...MODES, ...(takes ? [RECORD] : [])].map(([value, text]) => new Option(text, value)));
+      if ([...mode.options].some((option) => option.value === wanted)) mode.value = wanted;
       if ([...what.options].some((option) => option.value === chosen)) what.value = chosen;
       if (names.length > 0) what.value = names[0];
       fit();

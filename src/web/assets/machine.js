@@ -1,4 +1,4 @@
-// Machine status: lateness of poses, outputs, last messages received. In: the show's vitals, once per second. Out: text on the page.
+// Machine status: lateness of poses, outputs, performers, last messages received. In: the show's vitals, once per second. Out: text on the page.
 
 // Highlight a lateness above this. A frame at 60 Hz lasts 16.7 ms.
 const LATE_MS = 8;
@@ -13,12 +13,25 @@ function row({ kind, to, sent, failed }) {
   return made;
 }
 
+const AGE_SHOWN_MS = 1000;
+
+function performerRow({ dancer, listen, sender, state, poses, age_ms: age, faults }) {
+  const last = age !== null && (age < AGE_SHOWN_MS ? `last pose ${age.toFixed(0)} ms ago` : `last pose ${(age / 1000).toFixed(0)} s ago`);
+  const from = sender ? `from ${sender}` : `nothing arrives at ${listen}`;
+  const words = [state, from, sender && `${poses} poses/s`, last, faults > 0 && `${faults} ignored`];
+  const text = Object.assign(document.createElement('dd'), { textContent: words.filter(Boolean).join(', ') });
+  text.dataset.failing = state !== 'live';
+  return [Object.assign(document.createElement('dt'), { textContent: dancer }), text];
+}
+
 /** Shows `vitals`. */
 export function showMachine(vitals) {
   const { late_ms_p99: p99, late_ms_max: most, missed } = vitals;
   $('late').textContent = `poses late: ${p99.toFixed(1)} ms (p99), ${most.toFixed(1)} ms (max)${missed ? `, ${missed} missed` : ''}`;
   $('machine').dataset.late = p99 > LATE_MS;
   $('outputs').tBodies[0].replaceChildren(...vitals.outputs.map(row));
+  $('performers').replaceChildren(...vitals.performers.flatMap(performerRow));
+  $('performers').hidden = vitals.performers.length === 0;
   if (vitals.osc) $('last-osc').textContent = vitals.osc;
   if (vitals.midi) $('last-midi').textContent = vitals.midi;
 }

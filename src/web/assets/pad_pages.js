@@ -3,7 +3,10 @@
 /** Largest number of pads on one page. */
 export const PAGE_PADS = 24;
 
-/** Makes the pages of `pads`, the elements of the pads, in `nav`. Returns `{ show() }`, which marks the pages with danced and armed pads. */
+/**
+ * Makes the pages of `pads`, the elements of the pads, in `nav`. Returns `{ show(), reveal(label) }`: `show` marks the pages with danced and armed
+ * pads, `reveal` shows the page with the pad `label`.
+ */
 export function makePadPages(nav, pads) {
   const [filter, group, pages] = ['filter', 'group', 'pages'].map((id) => nav.querySelector(`#${id}`));
   const groups = [...new Set(pads.map((pad) => pad.dataset.group))];
@@ -72,5 +75,12 @@ export function makePadPages(nav, pads) {
     group.blur();
   };
   fit();
-  return { show };
+  return {
+    show,
+    reveal(label) {
+      const place = found.findIndex((pad) => pad.dataset.label === label);
+      page = Math.floor(Math.max(place, 0) / PAGE_PADS);
+      fit();
+    },
+  };
 }

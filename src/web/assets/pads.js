@@ -25,11 +25,12 @@ function canScroll(element) {
  * mouse or pen is released, also outside of the button.
  *
  * `restMs`, if given, returns the time after which a finger that rests on the button presses it. Where the finger can scroll, an earlier release
- * presses the button, and a swipe does not.
+ * presses the button, and a swipe does not. A finger that rested no longer scrolls, so that no swipe presses a button.
  */
 export function onPress(button, act, release = () => {}, restMs = null) {
   let touchedAt = -Infinity;
   let waiting = null;
+  let isHeld = false;
   const touch = () => { touchedAt = performance.now(); };
   const stopWaiting = () => {
     clearTimeout(waiting?.timer);
@@ -47,7 +48,11 @@ export function onPress(button, act, release = () => {}, restMs = null) {
     if (event.pointerType !== 'touch' || !restMs || !canScroll(button)) return press(event.pointerId);
     stopWaiting();
     const rest = restMs();
-    const timer = Number.isFinite(rest) ? setTimeout(() => press(event.pointerId), rest) : 0;
+    const hold = () => {
+      isHeld = true;
+      press(event.pointerId);
+    };
+    const timer = Number.isFinite(rest) ? setTimeout(hold, rest) : 0;
     waiting = { pointer: event.pointerId, x: event.clientX, y: event.clientY, timer };
     return undefined;
   });
@@ -59,7 +64,11 @@ export function onPress(button, act, release = () => {}, restMs = null) {
     touch();
     if (waiting?.pointer === event.pointerId) press(event.pointerId);
   });
-  button.addEventListener('lostpointercapture', release);
+  button.addEventListener('lostpointercapture', () => {
+    isHeld = false;
+    release();
+  });
+  if (restMs) button.addEventListener('touchmove', (event) => isHeld && event.cancelable && event.preventDefault(), { passive: false });
   button.addEventListener('click', () => {
     // This click ends a press that already called `act`.
     if (performance.now() - touchedAt < CLICK_AFTER_MS) return;

@@ -48,10 +48,12 @@ export function makeRecord(section, count, send) {
   const buttons = Object.assign(document.createElement('div'), { className: 'row' });
   follow.title = 'Dance on from the motion that is most similar to the performer\'s pose';
   buttons.append(record, undo, rename, follow);
-  section.querySelector('[data-part="record"]').replaceChildren(row, buttons, said);
+  const takes = Object.assign(document.createElement('p'), { hidden: true });
+  takes.dataset.part = 'takes';
+  section.querySelector('[data-part="record"]').replaceChildren(row, buttons, said, takes);
 
   const click = makeClick();
-  let now = { phase: 'idle' };
+  let now = { phase: 'idle', takes: [] };
   let shown = '';
 
   function start(name) {
@@ -93,8 +95,13 @@ export function makeRecord(section, count, send) {
       const isBusy = BUSY.includes(now.phase);
       record.textContent = isBusy ? 'stop' : 'record';
       record.setAttribute('aria-pressed', isBusy);
-      undo.hidden = now.phase !== 'kept';
-      rename.hidden = now.phase !== 'kept';
+      const last = now.takes.at(-1);
+      undo.hidden = last === undefined;
+      undo.title = `Take "${last}" out of the show`;
+      rename.hidden = last === undefined;
+      rename.title = `Give "${last}" the label above`;
+      takes.hidden = last === undefined;
+      takes.textContent = `Takes of this show: ${now.takes.join(', ')}`;
       said.dataset.phase = now.phase;
       said.textContent = now.message || SAID[now.phase] || '';
     },

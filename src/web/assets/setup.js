@@ -121,6 +121,8 @@ export function makeSetup(panel, drawer) {
       return item;
     };
     part('list').replaceChildren(...files.map(({ file, problem }) => line(file, problem)), ...warnings.map((warning) => line(warning)));
+    part('rebuild').hidden = !state.has_import_page;
+    part('rebuild').disabled = progress === 'running';
     part('remove').hidden = !files.length && !state.own_motions;
     part('remove').disabled = progress === 'running';
   }
@@ -242,6 +244,21 @@ export function makeSetup(panel, drawer) {
   });
   // A file that is dropped beside must not replace the page.
   for (const name of ['dragover', 'drop']) addEventListener(name, (event) => isHere && event.preventDefault());
+  part('import').addEventListener('click', async () => {
+    // Opened at once: a browser blocks a page that opens after a wait.
+    const tab = window.open('', '_blank');
+    const opened = await attempt('built', async () => {
+      const { link } = await request('POST', 'import');
+      if (!tab) throw new Error('the browser has blocked the import page: allow pop-ups for this page');
+      tab.opener = null;
+      tab.location = link;
+      show(await request('GET', 'state'));
+    });
+    if (!opened) tab?.close();
+  });
+  part('rebuild').addEventListener('click', async () => {
+    if (await attempt('built', () => change('POST', 'build'))) poll();
+  });
   part('remove').addEventListener('click', () => attempt('built', () => change('DELETE', 'motions')));
   part('save').addEventListener('click', () => save(false));
   part('replace').addEventListener('click', () => save(true));

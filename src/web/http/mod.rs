@@ -10,6 +10,7 @@
 
 mod connections;
 mod descriptors;
+pub(crate) mod replies;
 pub(crate) mod server_thread;
 mod transport;
 pub(crate) mod websockets;

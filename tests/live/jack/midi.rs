@@ -60,6 +60,7 @@ impl Stage {
             faults: faults.clone(),
             warnings: warnings.clone(),
             show_file: file,
+            takes: None,
             raise_priority: || {},
         };
         let (devices, leds) = DeviceManager::start(settings, context).unwrap();

@@ -31,7 +31,7 @@ static TURN: Mutex<()> = Mutex::new(());
 const MUSIC_S: usize = 600;
 /// Runs the browser script `script` on the page at `url`, for the test named `test`. Returns false
 /// if there is no browser.
-fn drive(test: &str, script: &str, url: impl FnOnce() -> String) -> bool {
+pub(super) fn drive(test: &str, script: &str, url: impl FnOnce() -> String) -> bool {
     if browser::is_missing(test) {
         return false;
     }

@@ -7,3 +7,4 @@ mod messages;
 mod play;
 mod score;
 mod stage;
+mod takes;

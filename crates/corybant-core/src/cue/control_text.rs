@@ -4,27 +4,36 @@
 //! In: text without its [`MARK`] (`!`). Out: a cue, or the rule that the position of a control sets
 //! the intensity. Thread: any. The words of the commands come from the table [`VERBS`].
 
+use std::sync::Arc;
+
 use thiserror::Error;
 
 use super::Cue;
+use super::take::TakeRequest;
 use super::verbs::{Argument, Command, VERBS, Value, Verb};
 use crate::tempo::command::TempoCommand;
 use crate::tempo::source::TempoSource;
 
 /// The character that marks a text as a command, such as `!panic`, and not as the name of a label.
 pub const MARK: char = '!';
+/// The command that stops the take that is recorded.
+const RECORD_STOP: &str = "record_stop";
+/// The command that removes the last take from the show.
+const RECORD_UNDO: &str = "record_undo";
 /// The greatest number of characters of an unknown command word that an error message quotes;
 /// further characters are left out.
 const WORD_CHARS_MAX: usize = 40;
 
 /// What a control (pad, knob or fader) of a MIDI device does.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum ControlAction {
     /// Button: the control sends this cue when it is pressed.
     Button(Cue),
     /// Fader: the value of the control, scaled to the range 0 to 1, is the argument of this command,
     /// such as the intensity of the dance.
     Fader(Command),
+    /// Take: the control sends this request to the recorder of takes when it is pressed.
+    Take(Arc<TakeRequest>),
 }
 
 /// The reasons why a text such as `nudge -10` is not a valid command.
@@ -62,7 +71,18 @@ pub enum ControlTextError {
 /// # Errors
 /// [`ControlTextError`] if the first word is not a command, or if its argument is wrong.
 pub fn parse(text: &str) -> Result<ControlAction, ControlTextError> {
-    parse_one_of(text, |_| true)
+    match text.trim() {
+        RECORD_STOP => return Ok(ControlAction::Take(Arc::new(TakeRequest::Stop))),
+        RECORD_UNDO => return Ok(ControlAction::Take(Arc::new(TakeRequest::Undo))),
+        _ => {}
+    }
+    parse_one_of(text, |_| true).map_err(|error| match error {
+        ControlTextError::Unknown { word, allowed } => ControlTextError::Unknown {
+            word,
+            allowed: format!("{allowed}, {RECORD_STOP}, {RECORD_UNDO}"),
+        },
+        error => error,
+    })
 }
 
 /// Parses a tempo command that is given as text without its `!`, such as `nudge -10` or `source
@@ -95,6 +115,7 @@ pub(super) fn parse_in_list(text: &str) -> Result<Cue, ControlTextError> {
                 takes: takes(word, false),
             })
         }
+        ControlAction::Take(_) => Err(unknown(text, is_allowed)),
     }
 }
 
@@ -254,6 +275,18 @@ mod tests {
     }
 
     #[test]
+    fn takes_are_stopped_and_undone_but_not_in_a_cue_list() {
+        for (text, request) in [
+            ("record_stop", TakeRequest::Stop),
+            (" record_undo ", TakeRequest::Undo),
+        ] {
+            assert_eq!(parse(text), Ok(ControlAction::Take(Arc::new(request))));
+            assert!(parse_in_list(text).is_err() && parse_tempo(text).is_err());
+        }
+        assert!(parse("record_undo 1").is_err());
+    }
+
+    #[test]
     fn every_text_of_the_table_is_read_as_its_command() {
         for verb in VERBS.iter().filter(|verb| verb.word().is_some()) {
             let text = verb
@@ -321,7 +354,7 @@ mod tests {
     fn an_unknown_command_is_refused_with_what_is_allowed() {
         assert_eq!(
             parse("triple").unwrap_err().to_string(),
-            "unknown command `triple`; allowed are panic, hold, release, intensity NUMBER, performer NUMBER, follow, tap, nudge MILLISECONDS, half, double, downbeat, bpm BEATS_PER_MINUTE, source NAME, freeze [1|0]"
+            "unknown command `triple`; allowed are panic, hold, release, intensity NUMBER, performer NUMBER, follow, tap, nudge MILLISECONDS, half, double, downbeat, bpm BEATS_PER_MINUTE, source NAME, freeze [1|0], record_stop, record_undo"
         );
         assert!(
             parse("")
@@ -330,7 +363,7 @@ mod tests {
                 .starts_with("unknown command ``")
         );
         let long = parse(&"x".repeat(1000)).unwrap_err().to_string();
-        assert!(long.len() < 250, "{long}");
+        assert!(long.len() < 280, "{long}");
     }
 
     #[test]

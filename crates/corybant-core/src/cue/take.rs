@@ -30,6 +30,14 @@ pub enum TakeRequest {
         /// Number of beats after which the take stops; `None`: it stops on request.
         beats: Option<u32>,
     },
+    /// Stop the take that is counted in or recorded; if there is none, record one as
+    /// [`TakeRequest::Start`] does.
+    Toggle {
+        /// The label of the take.
+        label: String,
+        /// Number of beats after which the take stops; `None`: it stops on request.
+        beats: Option<u32>,
+    },
     /// Stop the take that is recorded; before its first beat, drop it.
     Stop,
     /// Remove the last take from the show. Its motion file stays.
@@ -63,16 +71,17 @@ impl TakeRequest {
     /// # Errors
     /// [`TakeRefusal`] if a value is not allowed.
     pub fn start(label: &str, beats: Option<i64>) -> Result<Self, TakeRefusal> {
-        let allowed = |beats: i64| {
-            let found = u32::try_from(beats).ok();
-            found
-                .filter(|beats| (1..=BEATS_MAX).contains(beats))
-                .ok_or(TakeRefusal::Beats(beats))
-        };
-        Ok(Self::Start {
-            label: checked_label(label)?,
-            beats: beats.map(allowed).transpose()?,
-        })
+        let (label, beats) = checked(label, beats)?;
+        Ok(Self::Start { label, beats })
+    }
+
+    /// Returns the request of a button that starts and stops takes; see [`TakeRequest::Toggle`].
+    ///
+    /// # Errors
+    /// [`TakeRefusal`] if a value is not allowed.
+    pub fn toggle(label: &str, beats: Option<i64>) -> Result<Self, TakeRefusal> {
+        let (label, beats) = checked(label, beats)?;
+        Ok(Self::Toggle { label, beats })
     }
 
     /// Returns the request to give the last take the label `label`.
@@ -130,6 +139,17 @@ fn number(argument: Option<&OscType>) -> Option<i64> {
         OscType::Double(x) => Some(x.round() as i64),
         _ => None,
     }
+}
+
+/// Returns the label and the number of beats of a take if both are allowed.
+fn checked(label: &str, beats: Option<i64>) -> Result<(String, Option<u32>), TakeRefusal> {
+    let allowed = |beats: i64| {
+        let found = u32::try_from(beats).ok();
+        found
+            .filter(|beats| (1..=BEATS_MAX).contains(beats))
+            .ok_or(TakeRefusal::Beats(beats))
+    };
+    Ok((checked_label(label)?, beats.map(allowed).transpose()?))
 }
 
 fn checked_label(label: &str) -> Result<String, TakeRefusal> {

@@ -32,12 +32,12 @@ const TAKES: &str = r#"
 In a show with a show file and a `[[motion_in]]`, these messages record its first live performer; see
 `docs/show-file.md`. The page shows the state in its message `take`.
 
-| OSC address | arguments | page message | effect |
-|---|---|---|---|
-| `/record/start` | label, beats (1 to 256, may be left out) | `{"record":{"label":"mine","beats":16}}` | record a take from a start of a bar on, after a count-in |
-| `/record/stop` | nothing, or a number above 0 | `{"record_stop":true}` | stop the take; during the count-in, drop it |
-| `/record/undo` | nothing, or a number above 0 | `{"record_undo":true}` | remove the last take from the show; its files stay |
-| `/record/rename` | label | `{"record_rename":"yours"}` | give the last take another label |
+| OSC address | arguments | MIDI map | page message | effect |
+|---|---|---|---|---|
+| `/record/start` | label, beats (1 to 256, may be left out) | `label = "mine"`, `record = true`, `beats = 16`; a second press stops | `{"record":{"label":"mine","beats":16}}` | record a take from a start of a bar on, after a count-in |
+| `/record/stop` | nothing, or a number above 0 | `!record_stop` | `{"record_stop":true}` | stop the take; during the count-in, drop it |
+| `/record/undo` | nothing, or a number above 0 | `!record_undo` | `{"record_undo":true}` | remove the last take from the show, then the one before it; motion files stay |
+| `/record/rename` | label | – | `{"record_rename":"yours"}` | give the last take another label |
 "#;
 
 const READOUT_HEAD: &str = "

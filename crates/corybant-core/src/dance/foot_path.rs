@@ -23,7 +23,7 @@ use crate::motion::leg::{Foot, smooth};
 pub(super) const RELEASE_FRAMES: f64 = 0.25 * MOTION_FPS;
 /// Fraction of a step in which a foot that stood is lifted before it moves, and the fraction in
 /// which it is lowered after it has moved.
-const DWELL_SHARE: f32 = 0.12;
+const DWELL_SHARE: f32 = 0.06;
 /// Height of a step in metres, without and for each metre of its length, and the greatest height.
 const STEP_HEIGHT: (f32, f32, f32) = (0.04, 0.15, 0.1);
 /// Length of a step in metres from which on it has its full height; a shorter one is lower.
@@ -256,9 +256,11 @@ fn locked(lock: Option<&FootLock>, clip: &Foot, at: Vec3, share: f32) -> Foot {
 }
 
 /// Returns the height of a foot on its way, as a share of the greatest height; `u` is the share of
-/// the way. Height and speed are 0 at both ends.
+/// the way. Height and speed are 0 at both ends. Of such curves, the sine squared has a small
+/// acceleration.
 fn arc(u: f32) -> f32 {
-    smooth(4.0 * u * (1.0 - u))
+    let sine = maths::sin(std::f32::consts::PI * u);
+    sine * sine
 }
 
 /// Returns the greatest height of a step of `length` metres, in metres.

@@ -28,6 +28,11 @@ pub(super) struct Figure {
 
 /// Distance in metres by which the hips are lower in a relaxed stance than in the rest pose.
 const EASY: f32 = 0.026;
+/// Delay of the tilt of the head after the shift of the weight, in beats, beside the delay that the
+/// head has in each move.
+const HEAD_LAG: f32 = 0.08;
+/// Flexion of the wrist of a relaxed hand, in degrees.
+const RELAXED: f32 = 17.0;
 
 /// Returns the pose of the dancer in the move `dance` at the beat position `beat`.
 pub(super) fn figure(dance: &Choreography, beat: f32) -> Figure {
@@ -153,28 +158,42 @@ fn spine(dance: &Choreography, beat: f32, rotations: &mut [Quat; JOINTS]) -> Qua
         waist(beat - 2.0 * dance.lag),
         beat - 2.0 * dance.lag,
     );
-    let roll = dance.at(Part::ChestRoll, top) + 2.5 * dance.at(Part::Weight, top);
+    let (turn, lean) = give(dance, top);
+    let roll = dance.at(Part::ChestRoll, top) + 2.5 * dance.at(Part::Weight, top) + lean;
     rotations[SPINE] = turned(low[0], low[1], -low[2]);
     rotations[CHEST] = turned(high[0], high[1], -high[2]);
     rotations[UPPER_CHEST] = turned(
-        dance.at(Part::ChestYaw, top),
+        dance.at(Part::ChestYaw, top) + turn,
         dance.at(Part::ChestPitch, top),
         -roll,
     );
     rotations[SPINE] * rotations[CHEST] * rotations[UPPER_CHEST]
 }
 
+/// Returns by how much the upper chest gives way to the arms and to the weight, in degrees: its turn
+/// to the left, which an arm in front causes on the other side, and its bend to the left, away from
+/// a raised arm and towards the foot that bears the weight.
+fn give(dance: &Choreography, beat: f32) -> (f32, f32) {
+    let [left, right] = BOTH.map(|side| dance.arm_at(side, beat, beat, beat));
+    let turn = (0.06 * (right.fwd - left.fwd)).clamp(-6.0, 6.0);
+    let lean = (0.05 * (right.raised() - left.raised())).clamp(-5.0, 5.0);
+    let weight = 6.0 * dance.at(Part::Weight, beat);
+    (dance.ease * turn, dance.ease * (lean + weight))
+}
+
 /// Sets the rotations of neck and head in `rotations`. `under` is the rotation of the upper chest
-/// in stage space. The head partly compensates for this rotation, to stay level; the head angles of
-/// the move `dance` are added.
+/// in stage space. The head partly compensates for this rotation, to stay level, and tilts away from
+/// the foot that bears the weight, against the line of the shoulders; the head angles of the move
+/// `dance` are added.
 fn head(dance: &Choreography, beat: f32, under: Quat, rotations: &mut [Quat; JOINTS]) {
     let late = beat - 3.0 * dance.lag;
     let facing = Quat::from_rotation_y(dance.at(Part::Turn, beat).to_radians());
     let level = Quat::IDENTITY.slerp((facing.inverse() * under).inverse(), dance.level_head);
+    let tilt = 11.0 * dance.ease * dance.at(Part::Weight, late - HEAD_LAG);
     let asked = turned(
         dance.at(Part::HeadYaw, late),
         dance.at(Part::HeadPitch, late),
-        -dance.at(Part::HeadRoll, late),
+        tilt - dance.at(Part::HeadRoll, late),
     );
     let whole = level * asked;
     rotations[NECK] = Quat::IDENTITY.slerp(whole, 0.42);
@@ -191,13 +210,10 @@ fn arm(dance: &Choreography, beat: f32, side: Side, rotations: &mut [Quat; JOINT
         beat - 2.0 * dance.arm_lag,
     );
     let mut arm = dance.arm_at(side, upper, lower, hand);
-    arm.wrist += drag(dance, side, lower, &arm);
-    let shrug = match side {
-        Side::Left => dance.at(Part::ShrugLeft, upper),
-        Side::Right => dance.at(Part::ShrugRight, upper),
-    };
-    let raise = shrug + 0.22 * (arm.raised() - 50.0).clamp(0.0, 120.0);
-    let shoulder = Quat::from_rotation_z(raise.to_radians());
+    // A hand whose wrist is not posed hangs a little.
+    let relaxed = dance.ease * (RELAXED - arm.wrist.abs()).max(0.0);
+    arm.wrist += relaxed + drag(dance, side, lower, &arm);
+    let shoulder = shoulder(dance, upper, side, &arm);
     let chain = [
         shoulder,
         shoulder.inverse() * arm.upper(),
@@ -213,13 +229,28 @@ fn arm(dance: &Choreography, beat: f32, side: Side, rotations: &mut [Quat; JOINT
     }
 }
 
+/// Returns the rotation of the shoulder (clavicle) on `side` at `beat`, for a left arm with the pose
+/// `arm`. The shoulder rises with a raised arm, and goes forward and back with the arm.
+fn shoulder(dance: &Choreography, beat: f32, side: Side, arm: &Arm) -> Quat {
+    let (shrug, reach) = match side {
+        Side::Left => (Part::ShrugLeft, Part::ReachLeft),
+        Side::Right => (Part::ShrugRight, Part::ReachRight),
+    };
+    let raise = dance.at(shrug, beat) + 0.22 * (arm.raised() - 50.0).clamp(0.0, 120.0);
+    let swung = (0.2 * arm.fwd - 0.1 * arm.side.min(0.0)).clamp(-10.0, 16.0);
+    let forward = dance.at(reach, beat) + dance.ease * swung;
+    Quat::from_rotation_y(-forward.to_radians()) * Quat::from_rotation_z(raise.to_radians())
+}
+
 /// Returns an additional wrist flexion, in degrees, which makes the hand lag behind the moving arm.
 /// `now` is the arm pose at `beat`. The flexion grows with the difference between `now` and the
 /// pose 0.09 beats earlier.
 fn drag(dance: &Choreography, side: Side, beat: f32, now: &Arm) -> f32 {
     let before = beat - 0.09;
-    let (fwd, elbow) = dance.swing_at(side, before);
-    (0.35 * (elbow - now.elbow) + 0.2 * (fwd - now.fwd)).clamp(-25.0, 25.0)
+    let then = dance.arm_at(side, before, before, before);
+    let lifted = dance.ease * 0.2 * (now.side - then.side);
+    let swung = 0.35 * (then.elbow - now.elbow) + 0.2 * (then.fwd - now.fwd);
+    (swung + lifted).clamp(-25.0, 25.0)
 }
 
 /// Returns a rotation by `yaw`, then `pitch`, then `roll` (degrees), about the rotated axes.

@@ -59,6 +59,10 @@ pub(super) enum Part {
     ShrugLeft,
     /// Angle by which the right shoulder is raised, in degrees.
     ShrugRight,
+    /// Angle by which the left shoulder is drawn forward, in degrees.
+    ReachLeft,
+    /// Angle by which the right shoulder is drawn forward, in degrees.
+    ReachRight,
     /// Angle by which the left knee is turned outwards, in degrees; negative is inwards. At 0, the
     /// knee follows the foot and the hips.
     KneeLeft,
@@ -116,6 +120,9 @@ pub(super) struct Choreography {
     /// Degree to which the head stays level and faces forward while the chest moves: 0 is not at
     /// all, 1 is completely.
     pub level_head: f32,
+    /// Degree to which shoulders, chest, head and hands give way to the movement of the arms and of
+    /// the weight: 0 is not at all (a hard style), 1 is naturally.
+    pub ease: f32,
     /// Size of the movement of trunk, head and arms: 1 is as the keys say. The angles and offsets
     /// are multiplied by it; those of the arms as differences from the pose [`READY`].
     pub energy: f32,
@@ -141,6 +148,7 @@ impl Choreography {
             lag: 0.035,
             arm_lag: 0.04,
             level_head: 0.55,
+            ease: 1.0,
             energy: 1.0,
             feet,
             keys: vec![Vec::new(); CHANNELS],
@@ -270,13 +278,6 @@ impl Choreography {
             roll: self.value(first + 4, hand),
             wrist: self.value(first + 5, hand),
         }
-    }
-
-    /// Returns two angles of the arm on `side` at the beat position `beat`, in degrees: how far the
-    /// upper arm is raised forward, and the flexion of the elbow.
-    pub(super) fn swing_at(&self, side: Side, beat: f32) -> (f32, f32) {
-        let first = PARTS + side as usize * ARM_CHANNELS;
-        (self.value(first, beat), self.value(first + 3, beat))
     }
 
     fn value(&self, channel: usize, beat: f32) -> f32 {

@@ -46,7 +46,7 @@ struct Swing {
     /// Positive is to the left, seen in the direction of the step.
     bow: f32,
     /// Largest pitch of the foot during the step (how far the heel is raised), in degrees; 0 for a
-    /// pivot.
+    /// pivot and for a slide.
     peak: f32,
 }
 
@@ -95,6 +95,16 @@ impl Steps {
             bow: 0.0,
             peak,
         });
+        self
+    }
+
+    /// Adds a slide from the beat `beats.0` to the beat `beats.1`: the foot stays flat and low. The ball
+    /// of the foot ends at `to` (metres) with the heading `yaw` (degrees).
+    pub(super) fn slide(&mut self, beats: (f32, f32), to: Vec3, yaw: f32) -> &mut Self {
+        self.arc(beats, 0.03, to, yaw);
+        if let Some(swing) = self.swings.last_mut() {
+            swing.peak = 0.0;
+        }
         self
     }
 

@@ -24,6 +24,8 @@ pub(super) const ARMS: [usize; 2] = [6, 10];
 /// same side have the next three indices.
 pub(super) const LEGS: [usize; 2] = [14, 18];
 
+/// Length of the clavicle, from the joint at the chest to the shoulder joint, in metres.
+pub(super) const CLAVICLE: f32 = 0.13;
 /// Length of the upper arm, shoulder to elbow, in metres.
 pub(super) const UPPER_ARM: f32 = 0.27;
 /// Length of the lower arm, elbow to wrist, in metres.
@@ -86,11 +88,11 @@ pub(super) const BONES: [Bone; JOINTS] = [
     bone("Neck", UPPER_CHEST, [0.0, 0.15, 0.0]),
     tip("Head", NECK, [0.0, 0.09, 0.01], [0.0, 0.17, 0.0]),
     bone("LeftShoulder", UPPER_CHEST, [0.03, 0.10, 0.0]),
-    bone("LeftUpperArm", 6, [0.13, 0.0, 0.0]),
+    bone("LeftUpperArm", 6, [CLAVICLE, 0.0, 0.0]),
     bone("LeftLowerArm", 7, [UPPER_ARM, 0.0, 0.0]),
     tip("LeftHand", 8, [LOWER_ARM, 0.0, 0.0], [0.17, 0.0, 0.0]),
     bone("RightShoulder", UPPER_CHEST, [-0.03, 0.10, 0.0]),
-    bone("RightUpperArm", 10, [-0.13, 0.0, 0.0]),
+    bone("RightUpperArm", 10, [-CLAVICLE, 0.0, 0.0]),
     bone("RightLowerArm", 11, [-UPPER_ARM, 0.0, 0.0]),
     tip("RightHand", 12, [-LOWER_ARM, 0.0, 0.0], [-0.17, 0.0, 0.0]),
     bone(

@@ -340,6 +340,37 @@ fn hands_that_clap_meet() {
     }
 }
 
+/// The trunk leans meanwhile, so the left side is compared with the right side.
+#[test]
+fn a_shimmy_moves_the_shoulders_and_not_the_hands() {
+    let all = danced();
+    let shimmy = all.iter().find(|dance| dance.name == "shimmy").unwrap();
+    let half = shimmy.choreography.frames_per_beat as usize / 2;
+    for frame in (0..shimmy.points.len() - half).step_by(half) {
+        let swung = |joint: usize| {
+            let ahead = |p: &[Vec3; POINTS]| p[ARMS[0] + joint].z - p[ARMS[1] + joint].z;
+            (ahead(&shimmy.points[frame + half]) - ahead(&shimmy.points[frame])).abs() / 2.0
+        };
+        let (shoulder, elbow, hand) = (swung(1), swung(2), swung(3));
+        assert!((0.12..0.18).contains(&shoulder), "shoulder {shoulder} m");
+        assert!(elbow < 0.5 * shoulder && hand < 0.03, "{elbow} m, {hand} m");
+    }
+}
+
+#[test]
+fn a_moonwalk_slides_a_foot_back_by_a_full_stride() {
+    let all = danced();
+    let walk = all.iter().find(|dance| dance.name == "moonwalk").unwrap();
+    let place = |beat: usize, leg: usize| {
+        walk.points[beat * walk.choreography.frames_per_beat as usize][leg + 3]
+    };
+    for beat in 3..8 {
+        let leg = LEGS[1 - beat % 2];
+        let stride = place(beat - 1, leg).distance(place(beat, leg));
+        assert!((0.35..0.45).contains(&stride), "beat {beat}: {stride} m");
+    }
+}
+
 #[test]
 fn the_body_slows_down_on_the_beats() {
     for dance in danced() {

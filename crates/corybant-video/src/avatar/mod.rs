@@ -25,6 +25,8 @@ pub use geometry::Part;
 pub use material::{Material, Picture, Transparency};
 pub use rig::Rig;
 
+/// Number of floats of a vertex that change with the pose: position and normal.
+pub const FLOATS_PER_VERTEX: usize = 6;
 /// Largest VRM file that is read, in MiB.
 pub const AVATAR_MIB_MAX: u64 = 200;
 /// Largest number of vertices of an avatar.

@@ -104,7 +104,9 @@ pub type Palette = [[f32; 3]; 3];
 /// Number of floats that the shader reads for one segment of a limb: 12 for each end, and 4 for the
 /// colour. Each end has a position, half width, direction of the limb, half depth, direction in
 /// which the width is measured, and slope of the surface.
-pub const FLOATS_PER_LIMB: usize = 28;
+pub const FLOATS_PER_LIMB: usize = 2 * FLOATS_PER_END + 4;
+/// Number of floats for one end of a limb segment.
+const FLOATS_PER_END: usize = 12;
 
 impl Figure {
     /// Creates the visible body for `skeleton`.
@@ -153,6 +155,15 @@ impl Figure {
             .enumerate()
             .map(move |(n, &joint)| (joints.positions[joint], radius(n) * self.height))
     }
+}
+
+/// Returns the balls around the two ends of a limb segment: the middle and the radius of each, in
+/// metres. `segment` are the numbers of the segment for the shader, as [`Figure::draw`] appends them.
+pub(crate) fn ends(segment: &[f32; FLOATS_PER_LIMB]) -> [(Vec3, f32); 2] {
+    [0, FLOATS_PER_END].map(|at| {
+        let (width, depth) = (segment[at + 3], segment[at + 7]);
+        (Vec3::from_slice(&segment[at..]), width.max(depth.abs()))
+    })
 }
 
 impl Limb {

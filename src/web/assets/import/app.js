@@ -206,7 +206,7 @@ $('name').addEventListener('keydown', (event) => event.key === 'Enter' && $('sav
 $('quit').addEventListener('click', () => attempt('saved', async () => {
   await server.quit();
   document.body.inert = true;
-  say('saved', 'Corybant has ended. You can close this page.');
+  say('saved', 'The import has ended. You can close this page.');
 }));
 
 requestAnimationFrame(draw);

@@ -2,12 +2,14 @@
 //! In: the entry as read by serde. Out: checked values. Thread: any.
 
 use std::fmt;
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::cue::control_text::{self, ControlAction, ControlTextError, MARK};
 use crate::cue::launch::{Launch, Mode, Quantise};
+use crate::cue::take::{TakeRefusal, TakeRequest};
 use crate::cue::{DEFAULT_BEATS, find_label};
 use crate::text::did_you_mean;
 
@@ -43,6 +45,14 @@ pub enum MapError {
         label: String,
         /// The reason why the text in the entry is not a valid command.
         source: ControlTextError,
+    },
+    /// The entry records takes, and its label or its number of beats is not allowed for a take.
+    #[error("midi.map: {control} records: {source}")]
+    Take {
+        /// The control, in words such as "note 36".
+        control: String,
+        /// The reason.
+        source: TakeRefusal,
     },
 }
 
@@ -120,6 +130,11 @@ pub struct MapEntry {
     /// ended, and until the cues queued before it have ended.
     #[serde(default, skip_serializing_if = "is_default")]
     pub queue: bool,
+    /// True if the control records takes of the live performer with the label instead of launching
+    /// it: a press starts a take, and the next press stops it, unless `beats` stops it before. The
+    /// graph need not have the label yet.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub record: bool,
 }
 
 /// Returns true if `value` is the default value of its type. Such a value is not written to a show
@@ -165,6 +180,9 @@ impl MapEntry {
     /// [`MapError::Label`] if the graph does not have the label, [`MapError::Command`] if the text
     /// after `!` is not a command.
     pub fn action(&self, labels: &[String]) -> Result<ControlAction, MapError> {
+        if self.record {
+            return self.take();
+        }
         let Some(label) = find_label(labels, &self.label) else {
             return self.command(labels);
         };
@@ -181,21 +199,35 @@ impl MapEntry {
         Ok(ControlAction::Button(launch.into()))
     }
 
+    /// Returns the action of an entry that records takes.
+    fn take(&self) -> Result<ControlAction, MapError> {
+        let request = TakeRequest::toggle(&self.label, self.beats.map(i64::from));
+        match request {
+            Ok(request) => Ok(ControlAction::Take(Arc::new(request))),
+            Err(source) => Err(MapError::Take {
+                control: self.control_text(),
+                source,
+            }),
+        }
+    }
+
+    /// Returns the control in words such as "note 36", for an error message.
+    fn control_text(&self) -> String {
+        self.control()
+            .map_or_else(|| "a control".into(), |control| control.to_string())
+    }
+
     /// Returns the action of an entry whose text `label` is a command such as `!panic`. `labels`,
     /// the labels of the graph, are listed in the error if the text does not begin with `!`.
     fn command(&self, labels: &[String]) -> Result<ControlAction, MapError> {
-        let control = || {
-            self.control()
-                .map_or_else(|| "a control".into(), |control| control.to_string())
-        };
         let missing = || MapError::Label {
-            control: control(),
+            control: self.control_text(),
             label: self.label.clone(),
             labels: labels.to_vec(),
         };
         let text = self.label.strip_prefix(MARK).ok_or_else(missing)?;
         control_text::parse(text).map_err(|source| MapError::Command {
-            control: control(),
+            control: self.control_text(),
             label: self.label.clone(),
             source,
         })
@@ -223,6 +255,16 @@ impl MapEntry {
         }
         if self.label.is_empty() {
             problems.push(format!("{key}.label is empty; it must be a label of the graph, or a command such as \"!panic\" or \"!tap\"."));
+        }
+        let has_launch_keys =
+            self.mode != Mode::default() || self.quantise != Quantise::default() || self.avoid;
+        let is_command = self.label.starts_with(MARK);
+        if self.record
+            && (has_launch_keys || self.queue || self.velocity_as_intensity || is_command)
+        {
+            problems.push(format!(
+                "{key}.record is true; it needs a label without {MARK}, and of the other keys only beats and the control are allowed."
+            ));
         }
         problems.extend(self.unfit().map(|why| format!("{key}: {why}.")));
     }
@@ -257,6 +299,51 @@ impl MapEntry {
 mod tests {
     use super::*;
     use crate::cue::verbs::Command;
+
+    #[test]
+    fn an_entry_that_records_needs_no_known_label() {
+        let record = MapEntry {
+            record: true,
+            beats: Some(16),
+            ..note(36, None, "mine")
+        };
+        let toggle = TakeRequest::toggle("mine", Some(16)).unwrap();
+        assert_eq!(
+            record.action(&[]),
+            Ok(ControlAction::Take(Arc::new(toggle)))
+        );
+        let refused = MapEntry {
+            beats: Some(300),
+            ..record.clone()
+        };
+        let why = refused.action(&[]).unwrap_err().to_string();
+        assert!(
+            why.starts_with("midi.map: note 36 records: a take of 300"),
+            "{why}"
+        );
+        let count = |entry: &MapEntry| {
+            let mut problems = Vec::new();
+            entry.check("midi 1.map[0]", &mut problems);
+            problems.len()
+        };
+        assert_eq!(count(&record), 0);
+        for wrong in [
+            MapEntry {
+                mode: Mode::Gate,
+                ..record.clone()
+            },
+            MapEntry {
+                avoid: true,
+                ..record.clone()
+            },
+            MapEntry {
+                label: "!panic".into(),
+                ..record.clone()
+            },
+        ] {
+            assert_eq!(count(&wrong), 1, "{wrong:?}");
+        }
+    }
 
     fn note(note: u8, channel: Option<u8>, label: &str) -> MapEntry {
         MapEntry {

@@ -1,9 +1,12 @@
 //! Converts MIDI messages to cues by the map of a device. In: messages of one device. Out: the cues
 //! that they send. Thread: any. Real-time: yes, after `new`.
 
+use std::sync::Arc;
+
 use super::entry::{Control, MapEntry, MapError};
 use super::message::Message;
 use crate::cue::control_text::ControlAction;
+use crate::cue::take::TakeRequest;
 use crate::cue::verbs::Value;
 use crate::cue::{Cue, DanceCommand, Launch};
 
@@ -55,8 +58,17 @@ impl ControlChange {
     }
 }
 
+/// What a control sends.
+#[derive(Clone, Debug, PartialEq)]
+pub enum MidiRequest {
+    /// A cue for the show.
+    Cue(Cue),
+    /// A request for the recorder of takes.
+    Take(Arc<TakeRequest>),
+}
+
 /// One entry of a MIDI map: a control and its action.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Mapping {
     /// The control (pad, knob or fader) to which this entry applies.
     control: Control,
@@ -72,7 +84,9 @@ struct Mapping {
 /// The MIDI map of a device: its controls with their actions.
 ///
 /// ```
-/// use corybant_core::cue::midi::{Control, ControlChange, MapEntry, MidiMap, message};
+/// use corybant_core::cue::midi::{
+///     Control, ControlChange, MapEntry, MidiMap, MidiRequest, message,
+/// };
 /// use corybant_core::cue::{Cue, Launch};
 ///
 /// let entry = MapEntry {
@@ -81,7 +95,8 @@ struct Mapping {
 /// };
 /// let mut map = MidiMap::new(&[entry.of(Control::Note(36), None)], &["salsa".into()]).unwrap();
 /// let change = ControlChange::of(message::parse(&[0x90, 36, 100]).unwrap()).unwrap();
-/// map.apply(change, &mut |cue| assert_eq!(cue, Cue::from(Launch::plain(0))));
+/// let launch = MidiRequest::Cue(Cue::from(Launch::plain(0)));
+/// map.apply(change, &mut |request| assert_eq!(request, launch));
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct MidiMap {
@@ -113,38 +128,44 @@ impl MidiMap {
         })
     }
 
-    /// Applies the new value of a control: calls `each` with every cue that this change sends.
-    pub fn apply(&mut self, change: ControlChange, each: &mut dyn FnMut(Cue)) {
+    /// Applies the new value of a control: calls `each` with everything that this change sends.
+    pub fn apply(&mut self, change: ControlChange, each: &mut dyn FnMut(MidiRequest)) {
         for mapping in &mut self.mappings {
             if mapping.control == change.control
                 && mapping.channel.is_none_or(|only| only == change.channel)
             {
-                mapping.cue(change).into_iter().for_each(&mut *each);
+                mapping.request(change).into_iter().for_each(&mut *each);
             }
         }
     }
 }
 
 impl Mapping {
-    /// Returns the cue that is sent when the control of this entry changes to a new value; `None`
-    /// if no cue is sent.
-    fn cue(&mut self, change: ControlChange) -> Option<Cue> {
+    /// Returns what is sent when the control of this entry changes to a new value; `None` if
+    /// nothing is sent.
+    fn request(&mut self, change: ControlChange) -> Option<MidiRequest> {
         let ControlChange {
             control,
             channel,
             value,
         } = change;
-        match self.action {
+        let cue = match &self.action {
             // The release of a note must not set the value to 0.
             ControlAction::Fader(_) if value == 0 && matches!(control, Control::Note(_)) => None,
             ControlAction::Fader(command) => {
                 command.cue(Value::Number(f64::from(value) / f64::from(VALUE_MAX)))
             }
-            ControlAction::Button(cue) => {
+            &ControlAction::Button(cue) => {
                 let velocity = self.pressed(channel, value)?;
                 button(cue, velocity)
             }
-        }
+            ControlAction::Take(request) => {
+                let request = request.clone();
+                let is_pressed = self.pressed(channel, value)? > 0;
+                return is_pressed.then_some(MidiRequest::Take(request));
+            }
+        };
+        cue.map(MidiRequest::Cue)
     }
 
     /// Returns the velocity (1 to 127) if `value` presses the button, or 0 if `value` releases it.
@@ -206,6 +227,7 @@ mod tests {
     struct Device {
         map: MidiMap,
         sent: Vec<Cue>,
+        takes: Vec<TakeRequest>,
     }
 
     impl Device {
@@ -214,12 +236,16 @@ mod tests {
             Self {
                 map: MidiMap::new(entries, &labels).unwrap(),
                 sent: Vec::new(),
+                takes: Vec::new(),
             }
         }
 
         fn send(&mut self, bytes: &[u8]) {
             if let Some(change) = ControlChange::of(message::parse(bytes).unwrap()) {
-                self.map.apply(change, &mut |cue| self.sent.push(cue));
+                self.map.apply(change, &mut |request| match request {
+                    MidiRequest::Cue(cue) => self.sent.push(cue),
+                    MidiRequest::Take(request) => self.takes.push((*request).clone()),
+                });
             }
         }
 
@@ -357,6 +383,28 @@ mod tests {
                 Cue::Dance(DanceCommand::Hold(true))
             ]
         );
+    }
+
+    #[test]
+    fn a_press_sends_the_request_for_a_take_and_a_release_sends_none() {
+        let record = |control| MapEntry {
+            record: true,
+            ..of(control, "mine")
+        };
+        let mut device = Device::new(&[
+            record(Control::Note(36)),
+            record(Control::Cc(20)),
+            of(Control::Program(1), "!record_undo"),
+        ]);
+        device.send(&[0x90, 36, 100]);
+        device.send(&[0x80, 36, 0]);
+        for value in [10, 100, 110, 0] {
+            device.send(&[0xb0, 20, value]);
+        }
+        device.send(&[0xc0, 1]);
+        let toggle = TakeRequest::toggle("mine", None).unwrap();
+        assert_eq!(device.takes, [toggle.clone(), toggle, TakeRequest::Undo]);
+        assert_eq!(device.sent(), []);
     }
 
     #[test]

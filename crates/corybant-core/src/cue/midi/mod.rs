@@ -4,13 +4,13 @@
 //! |---|---|
 //! | `message` | bytes → messages |
 //! | `entry` | one entry `[[midi.map]]` of a show file: a control and what it sends |
-//! | `map` | messages → the cues that they send |
+//! | `map` | messages → the cues and requests for takes that they send |
 //!
-//! In: bytes. Out: cues. Thread: any. Pure.
+//! In: bytes. Out: cues, requests. Thread: any. Pure.
 
 pub mod entry;
 pub mod map;
 pub mod message;
 
 pub use entry::{BEATS_MAX, CC_MAX, Control, MapEntry, MapError};
-pub use map::{ControlChange, MidiMap};
+pub use map::{ControlChange, MidiMap, MidiRequest};

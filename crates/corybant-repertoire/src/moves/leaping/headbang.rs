@@ -36,13 +36,13 @@ fn feet(dance: &mut Choreography) {
 /// `dance`.
 fn hips(dance: &mut Choreography) {
     dance
-        .cycle(Part::HipPitch, 0.0..16.0, 2.0, &[(0.0, -2.0), (1.0, 14.0)])
+        .cycle(Part::HipPitch, 0.0..16.0, 2.0, &[(0.0, -2.0), (1.0, 12.0)])
         .cycle(Part::HipZ, 0.0..16.0, 2.0, &[(0.0, 0.02), (1.0, -0.09)])
         .cycle(
             Part::Rise,
             0.0..16.0,
             2.0,
-            &[(0.0, -0.03), (0.5, -0.015), (1.0, -0.075)],
+            &[(0.0, -0.008), (0.5, 0.0), (1.0, -0.02)],
         )
         .cycle(Part::Weight, 0.0..16.0, 4.0, &[(0.0, -0.15), (2.0, 0.15)])
         .set(Part::KneeLeft, &[(0.0, 12.0)])
@@ -56,19 +56,19 @@ fn torso(dance: &mut Choreography) {
             Part::WaistPitch,
             0.0..16.0,
             2.0,
-            &[(0.0, -2.0), (1.0, 38.0)],
+            &[(0.0, -2.0), (1.0, 20.0)],
         )
         .cycle(
             Part::ChestPitch,
             0.0..16.0,
             2.0,
-            &[(0.0, -4.0), (1.0, 16.0)],
+            &[(0.0, -4.0), (1.0, 14.0)],
         )
         .cycle(
             Part::HeadPitch,
             0.0..16.0,
             2.0,
-            &[(0.0, -22.0), (1.0, 38.0)],
+            &[(0.0, -18.0), (1.0, 46.0)],
         )
         .cycle(
             Part::HeadRoll,
@@ -88,11 +88,11 @@ fn torso(dance: &mut Choreography) {
 /// Adds the poses of both arms in headbanging to `dance`.
 fn arms(dance: &mut Choreography) {
     let loose = Arm::angles(2.0, 18.0, -8.0, 52.0);
-    let thrown = Arm::angles(46.0, 20.0, -6.0, 26.0);
-    let neck = Arm::reach([0.15, -0.10, 0.30], [0.6, -0.8, -0.2]).hand(60.0, 20.0);
-    let fret = Arm::reach([0.24, 0.02, 0.32], [0.6, -0.8, -0.2]).hand(60.0, 20.0);
-    let strum = Arm::reach([-0.03, -0.25, 0.30], [1.0, -0.1, -0.3]);
-    let lifted = Arm::reach([0.04, -0.13, 0.33], [1.0, -0.1, -0.3]);
+    let thrown = Arm::angles(30.0, 26.0, -6.0, 34.0);
+    let neck = Arm::reach([0.18, -0.28, 0.25], [0.6, -0.8, -0.2]).hand(60.0, 20.0);
+    let fret = Arm::reach([0.28, -0.20, 0.28], [0.6, -0.8, -0.2]).hand(60.0, 20.0);
+    let strum = Arm::reach([-0.03, -0.29, 0.28], [1.0, -0.1, -0.3]);
+    let lifted = Arm::reach([0.04, -0.18, 0.33], [1.0, -0.1, -0.3]);
     for side in BOTH {
         dance.arm_cycle(side, 0.0..8.0, 2.0, &[(0.0, loose), (1.0, thrown)]);
     }

@@ -13,6 +13,7 @@ use crate::moves::poses::{READY, bounce, to};
 /// other back at the hip, like figures on an old wall. The sides change on every beat.
 pub(in crate::moves) fn egyptian() -> Choreography {
     let mut dance = Choreography::new(16.0, 34, 0.26);
+    dance.ease = 0.0;
     dance.snap = 0.35;
     bounce(&mut dance, 0.02);
     let [left, right] = &mut dance.feet;

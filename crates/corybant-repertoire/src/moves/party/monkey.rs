@@ -22,7 +22,7 @@ pub(in crate::moves) fn monkey() -> Choreography {
             Part::WaistPitch,
             0.0..16.0,
             2.0,
-            &[(0.0, 14.0), (1.0, 24.0)],
+            &[(0.0, 10.0), (1.0, 24.0)],
         )
         .cycle(Part::WaistRoll, 0.0..16.0, 2.0, &[(0.0, 8.0), (1.0, -8.0)])
         .cycle(Part::Weight, 0.0..16.0, 2.0, &[(0.0, -0.3), (1.0, 0.3)])

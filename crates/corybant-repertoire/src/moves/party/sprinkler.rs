@@ -10,7 +10,7 @@ use crate::moves::choreography::{Choreography, Part, Side};
 use crate::moves::poses::{READY, bounce, to};
 
 /// Returns the choreography of the sprinkler: one hand is behind the head, and the other arm points
-/// away and turns with the trunk in steps. In the second half the arms change roles.
+/// away and turns with chest and waist in steps. In the second half the arms change roles.
 pub(in crate::moves) fn sprinkler() -> Choreography {
     let mut dance = Choreography::new(16.0, 32, 0.40);
     dance.snap = 0.3;
@@ -22,7 +22,7 @@ pub(in crate::moves) fn sprinkler() -> Choreography {
         .step(to(7.0), -0.18, 0.0, -12.0)
         .step(to(15.0), -0.20, 0.0, -12.0);
     let head = Arm::reach([0.11, 0.20, -0.11], [1.0, 0.25, -0.2]).hand(0.0, 10.0);
-    let points = [(46.0, 66.0), (66.0, 40.0), (84.0, 10.0)]
+    let points = [(40.0, 70.0), (54.0, 54.0), (68.0, 34.0)]
         .map(|(fwd, side)| Arm::angles(fwd, side, 0.0, 6.0));
     let yaw = [(0.0, 0.0), (1.0, -26.0), (2.0, 2.0), (3.0, 28.0)];
     for (from, turn, pointing, resting) in [
@@ -31,9 +31,10 @@ pub(in crate::moves) fn sprinkler() -> Choreography {
     ] {
         let turned = |size: f32| yaw.map(|(beat, yaw)| (beat, turn * size * yaw));
         dance
-            .cycle(Part::WaistYaw, from..from + 8.0, 4.0, &turned(1.0))
+            .cycle(Part::ChestYaw, from..from + 8.0, 4.0, &turned(0.8))
+            .cycle(Part::WaistYaw, from..from + 8.0, 4.0, &turned(0.6))
             .cycle(Part::HipYaw, from..from + 8.0, 4.0, &turned(0.4))
-            .cycle(Part::Weight, from..from + 8.0, 4.0, &turned(-0.02))
+            .cycle(Part::Weight, from..from + 8.0, 4.0, &turned(0.012))
             .cycle(Part::WaistRoll, from..from + 8.0, 4.0, &turned(0.2))
             .arm_cycle(
                 resting,

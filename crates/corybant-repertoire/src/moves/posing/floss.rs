@@ -20,7 +20,7 @@ pub(in crate::moves) fn floss() -> Choreography {
             Part::HipX,
             0.0..16.0,
             4.0,
-            &[(0.0, 0.04), (1.0, -0.085), (2.0, 0.085), (3.0, -0.085)],
+            &[(0.0, 0.04), (1.0, -0.07), (2.0, 0.07), (3.0, -0.07)],
         )
         .cycle(Part::Weight, 0.0..16.0, 2.0, &[(0.0, 0.25), (1.0, -0.25)])
         .cycle(Part::HipRoll, 0.0..16.0, 2.0, &[(0.0, 7.0), (1.0, -7.0)])
@@ -28,7 +28,7 @@ pub(in crate::moves) fn floss() -> Choreography {
             Part::WaistRoll,
             0.0..16.0,
             2.0,
-            &[(0.0, 14.0), (1.0, -14.0)],
+            &[(0.0, 10.0), (1.0, -10.0)],
         )
         .cycle(Part::WaistYaw, 0.0..8.0, 2.0, &[(0.0, -5.0), (1.0, 5.0)])
         .cycle(Part::WaistYaw, 8.0..16.0, 2.0, &[(0.0, -16.0), (1.0, 16.0)])
@@ -37,15 +37,15 @@ pub(in crate::moves) fn floss() -> Choreography {
         .set(Part::WaistPitch, &[(0.0, 4.0), (8.0, 6.0), (12.0, 12.0)]);
     let (out, before) = (
         Arm::angles(-4.0, 40.0, 0.0, 8.0),
-        Arm::angles(36.0, -34.0, 0.0, 10.0),
+        Arm::reach([-0.23, -0.37, 0.30], [0.4, -0.4, 0.5]),
     );
     let (small_out, small_before) = (
         Arm::angles(2.0, 24.0, -4.0, 34.0),
         Arm::angles(20.0, 2.0, -8.0, 34.0),
     );
     let (higher, over) = (
-        Arm::angles(8.0, 66.0, 0.0, 8.0),
-        Arm::angles(56.0, -40.0, 0.0, 10.0),
+        Arm::angles(6.0, 54.0, 0.0, 10.0),
+        Arm::reach([-0.27, -0.28, 0.35], [0.4, -0.4, 0.5]),
     );
     dance
         .arm_cycle(

@@ -13,6 +13,7 @@ use crate::moves::poses::to;
 /// trunk turns in steps. Every movement ends abruptly with a small shiver.
 pub(in crate::moves) fn robot() -> Choreography {
     let mut dance = Choreography::new(16.0, 34, 0.26);
+    dance.ease = 0.0;
     dance.snap = 0.66;
     dance.lag = 0.0;
     dance.arm_lag = 0.0;

@@ -13,6 +13,7 @@ use crate::moves::poses::{READY, high, on_hip, to};
 /// draw lines and boxes in the air, and rest on the hips at the start of the first three bars.
 pub(in crate::moves) fn vogue() -> Choreography {
     let mut dance = Choreography::new(16.0, 30, 0.30);
+    dance.ease = 0.0;
     dance.snap = 0.42;
     feet(&mut dance);
     hips(&mut dance);

@@ -38,6 +38,7 @@ fn feet(dance: &mut Choreography) {
     right
         .pitch(2.15, 12.0)
         .pitch(2.9, 12.0)
+        .pitch(4.45, 22.0)
         .pitch(4.9, 0.0)
         .pitch(5.4, 0.0);
     left.step(to(8.0), 0.88, 0.0, 372.0);
@@ -51,7 +52,10 @@ fn feet(dance: &mut Choreography) {
         .pivot((10.1, 10.9), 60.0)
         .step(to(12.0), 0.14, 0.0, 12.0);
     right.pitch(8.85, 4.0).pitch(9.3, 14.0).pitch(9.9, 14.0);
-    left.pitch(10.15, 12.0).pitch(10.9, 12.0);
+    left.pitch(10.15, 12.0)
+        .pitch(10.9, 12.0)
+        .pitch(12.45, 22.0)
+        .pitch(12.9, 0.0);
     right
         .step(to(14.0), -0.05, 0.16, -6.0)
         .step(to(16.0), -0.14, 0.0, -12.0);
@@ -82,7 +86,7 @@ fn hips(dance: &mut Choreography) {
                 (1.0, 0.6),
                 (2.0, -0.6),
                 (3.0, 0.6),
-                (4.0, 0.4),
+                (4.0, 0.75),
                 (5.0, 0.0),
                 (6.0, -0.75),
                 (7.0, -0.5),
@@ -95,7 +99,7 @@ fn hips(dance: &mut Choreography) {
                 (9.0, -0.6),
                 (10.0, 0.6),
                 (11.0, -0.6),
-                (12.0, -0.4),
+                (12.0, -0.75),
                 (13.0, 0.0),
                 (14.0, 0.75),
                 (15.0, 0.4),
@@ -183,7 +187,7 @@ fn torso(dance: &mut Choreography) {
 
 /// Adds the poses of both arms in the spin move to `dance`.
 fn arms(dance: &mut Choreography) {
-    let wide = Arm::angles(8.0, 84.0, 14.0, 26.0);
+    let wide = Arm::angles(10.0, 66.0, 16.0, 38.0);
     let drawn = |side| {
         Arm::reach(
             [-0.11, if side == Side::Left { -0.05 } else { -0.19 }, 0.27],
@@ -199,7 +203,8 @@ fn arms(dance: &mut Choreography) {
         let turning = [
             (start, READY),
             (start + 1.0, wide),
-            (start + 2.0, drawn(side)),
+            (start + 1.7, drawn(side)),
+            (start + 2.3, drawn(side)),
             (start + 3.0, wide),
             (start + 4.0, READY),
         ];

@@ -5,26 +5,26 @@
 //! Thread: any except show and audio; the graphics driver has its own threads.
 //! Allocates: picture buffers, which are reused.
 
+mod passes;
+
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use wgpu::{
     AddressMode, BindGroup, BindGroupDescriptor, BindGroupEntry, BindingResource, Buffer,
-    BufferUsages, Color, CommandEncoder, CompareFunction, Device, DeviceDescriptor, FilterMode,
-    IndexFormat, LoadOp, MapMode, Operations, PollType, Queue, RenderPassColorAttachment,
-    RenderPassDescriptor, SamplerDescriptor, StoreOp, SubmissionIndex, TexelCopyBufferInfo,
-    TexelCopyBufferLayout, Texture, TextureUsages, TextureView,
+    BufferUsages, CompareFunction, Device, DeviceDescriptor, FilterMode, MapMode, PollType, Queue,
+    SamplerDescriptor, SubmissionIndex, TexelCopyBufferInfo, TexelCopyBufferLayout, Texture,
+    TextureUsages, TextureView,
 };
 
 use super::{Background, Size, VideoError, mesh};
 use crate::avatar::Avatar;
-use crate::avatar_meshes::{AvatarMeshes, Layer};
+use crate::avatar_meshes::AvatarMeshes;
 use crate::backends::find_adapter;
 use crate::figure::FLOATS_PER_LIMB;
-use crate::gpu::{buffer, depth, divide_by_alpha, extent, record_error, texture, view};
-use crate::lights::BEAMS_MAX;
+use crate::gpu::{buffer, divide_by_alpha, extent, record_error, texture, view};
 use crate::pipelines::{COLOUR, DEPTH, Pipelines, SAMPLES};
-use crate::scene::{SCENE_FLOATS, Scene, View, shadow_side};
+use crate::scene::{SCENE_FLOATS, Scene, shadow_side};
 
 /// The greatest number of pictures that the GPU renders or copies to memory at the same time.
 const IN_FLIGHT: usize = 3;
@@ -48,7 +48,10 @@ pub struct Canvas {
     triangles: Buffer,
     corners: u32,
     colour: Texture,
+    /// The picture of the dancers, with several samples for each pixel.
     sampled: TextureView,
+    /// The shader resource with `sampled`.
+    dancers: BindGroup,
     depth: TextureView,
     targets: Option<RenderTargets>,
     /// The avatars, in the order of `Scene::skins`.
@@ -154,7 +157,21 @@ impl Canvas {
         let drawn = TextureUsages::RENDER_ATTACHMENT;
         let side = [size.width, size.height];
         let colour = texture(&device, side, COLOUR, 1, drawn | TextureUsages::COPY_SRC);
-        let sampled = view(&texture(&device, side, COLOUR, SAMPLES, drawn));
+        let sampled = view(&texture(
+            &device,
+            side,
+            COLOUR,
+            SAMPLES,
+            drawn | TextureUsages::TEXTURE_BINDING,
+        ));
+        let dancers = device.create_bind_group(&BindGroupDescriptor {
+            label: None,
+            layout: &pipelines.dancers,
+            entries: &[BindGroupEntry {
+                binding: 0,
+                resource: BindingResource::TextureView(&sampled),
+            }],
+        });
         let depth = view(&texture(&device, side, DEPTH, SAMPLES, drawn));
         let canvas = Self {
             device,
@@ -168,6 +185,7 @@ impl Canvas {
             corners,
             colour,
             sampled,
+            dancers,
             depth,
             targets: None,
             avatars: Vec::new(),
@@ -243,6 +261,7 @@ impl Canvas {
         }
         let mut commands = self.device.create_command_encoder(&Default::default());
         self.draw_shadows(&mut commands, &targets, slot);
+        self.draw_dancers(&mut commands, &targets, slot);
         self.draw_picture(&mut commands, &targets, slot, scene.seen);
         let layout = TexelCopyBufferLayout {
             offset: 0,
@@ -380,96 +399,6 @@ impl Canvas {
             pieces: make(4 * numbers.max(FLOATS_PER_LIMB), BufferUsages::VERTEX),
             pixels,
         }
-    }
-
-    fn draw_shadows(&self, commands: &mut CommandEncoder, targets: &RenderTargets, slot: &Slot) {
-        let mut pass = commands.begin_render_pass(&RenderPassDescriptor {
-            depth_stencil_attachment: Some(depth(&targets.shadow, StoreOp::Store)),
-            ..Default::default()
-        });
-        pass.set_pipeline(&self.pipelines.shadow);
-        pass.set_bind_group(0, &slot.group, &[]);
-        self.draw_pieces(&mut pass, targets, slot);
-        for (avatar, skin) in self.avatars.iter().zip(&slot.skins) {
-            avatar.draw_shadow(&mut pass, &self.pipelines, skin);
-        }
-    }
-
-    fn draw_picture(
-        &self,
-        commands: &mut CommandEncoder,
-        targets: &RenderTargets,
-        slot: &Slot,
-        seen: View,
-    ) {
-        let resolved = view(&self.colour);
-        let mut pass = commands.begin_render_pass(&RenderPassDescriptor {
-            color_attachments: &[Some(RenderPassColorAttachment {
-                view: &self.sampled,
-                depth_slice: None,
-                resolve_target: Some(&resolved),
-                ops: Operations {
-                    load: LoadOp::Clear(match self.background {
-                        Background::Stage => Color::BLACK,
-                        Background::Transparent => Color::TRANSPARENT,
-                    }),
-                    store: StoreOp::Discard,
-                },
-            })],
-            depth_stencil_attachment: Some(depth(&self.depth, StoreOp::Discard)),
-            ..Default::default()
-        });
-        pass.set_bind_group(0, &slot.group, &[]);
-        pass.set_bind_group(1, &targets.shadows, &[]);
-        pass.set_pipeline(&self.pipelines.body);
-        self.draw_pieces(&mut pass, targets, slot);
-        self.draw_avatars(&mut pass, slot, Layer::Solid);
-        if self.background == Background::Stage {
-            self.draw_stage(&mut pass, seen);
-        }
-        self.draw_avatars(&mut pass, slot, Layer::Blended);
-    }
-
-    fn draw_avatars(&self, pass: &mut wgpu::RenderPass, slot: &Slot, layer: Layer) {
-        for (avatar, skin) in self.avatars.iter().zip(&slot.skins) {
-            avatar.draw(pass, &self.pipelines, skin, layer);
-        }
-    }
-
-    /// Draws floor, backdrop and beams.
-    fn draw_stage(&self, pass: &mut wgpu::RenderPass, seen: View) {
-        // The background is drawn last, so that hidden pixels are not shaded. Shadows are only
-        // computed for the part of the floor that can have them.
-        let [width, height] = [self.size.width, self.size.height];
-        let View {
-            horizon,
-            near: [left, top, right, bottom],
-        } = seen;
-        let parts = [
-            (&self.pipelines.backdrop, [0, 0, width, horizon]),
-            (&self.pipelines.floor, [0, horizon, width, top]),
-            (&self.pipelines.floor, [0, top, left, bottom]),
-            (&self.pipelines.near, [left, top, right, bottom]),
-            (&self.pipelines.floor, [right, top, width, bottom]),
-            (&self.pipelines.floor, [0, bottom, width, height]),
-        ];
-        for (pipeline, [left, top, right, bottom]) in parts {
-            if left < right && top < bottom {
-                pass.set_pipeline(pipeline);
-                pass.set_scissor_rect(left, top, right - left, bottom - top);
-                pass.draw(0..3, 0..1);
-            }
-        }
-        pass.set_pipeline(&self.pipelines.beams);
-        pass.set_scissor_rect(0, 0, width, height);
-        pass.draw(0..6, 0..BEAMS_MAX as u32);
-    }
-
-    fn draw_pieces(&self, pass: &mut wgpu::RenderPass, targets: &RenderTargets, slot: &Slot) {
-        pass.set_vertex_buffer(0, self.mesh.slice(..));
-        pass.set_vertex_buffer(1, slot.pieces.slice(..));
-        pass.set_index_buffer(self.triangles.slice(..), IndexFormat::Uint16);
-        pass.draw_indexed(0..self.corners, 0, 0..targets.pieces);
     }
 
     /// Returns the length of a row of pixels in a buffer that is copied from the GPU, in bytes,
