@@ -22,9 +22,9 @@ const SHIFT_MAX: f32 = 0.25;
 /// keep their places, in metres, after the motion is shifted to the middle of both.
 const BOTH_MAX: f32 = 0.06;
 /// Shortest and longest duration of the way of a foot to its place in a new motion, in frames.
-const WAY_FRAMES: (f64, f64) = (12.0, 0.35 * MOTION_FPS);
+const WAY_FRAMES: (f64, f64) = (16.0, 0.35 * MOTION_FPS);
 /// Additional duration of the way of a foot that lands, in frames for each metre of its length.
-const WAY_FRAMES_PER_M: f64 = 40.0;
+const WAY_FRAMES_PER_M: f64 = 50.0;
 /// A foot whose stance begins within this number of frames after a splice stands.
 const LANDS_FRAMES: f64 = 6.0;
 /// Speed along the floor in metres per second above which a foot is in the air.
