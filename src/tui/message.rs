@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn messages_of_the_page_are_parsed() {
+    fn names_and_snapshots_of_the_page_are_parsed() {
         let about = web::About {
             labels: vec!["salsa".into()],
             ..web::About::default()
@@ -221,6 +221,11 @@ mod tests {
             (None, Some(2.5), true, true)
         );
         assert_eq!(state.ahead, [Some(-1); 8]);
+        assert_eq!(read(r#"{"type":"tomorrow","x":1}"#), Message::Other);
+    }
+
+    #[test]
+    fn vitals_of_the_page_are_parsed() {
         let outputs = vec![web::vitals::OutputVitals {
             kind: "vmc",
             to: "x:1".into(),
@@ -272,6 +277,5 @@ mod tests {
             past: "the input had a hum".into(),
         };
         assert_eq!(vitals.input, [problem]);
-        assert_eq!(read(r#"{"type":"tomorrow","x":1}"#), Message::Other);
     }
 }

@@ -283,14 +283,15 @@ fn a_replay_gives_identical_poses() {
     assert!(danced.iter().any(|pose| pose != &danced[0]));
     println!("{} bytes a second", file.len() / 20);
 
-    // The same cues at other ticks give other poses, and the comparison detects them.
-    let mut other = config.clone();
-    other.plan.seed += 1;
-    let (_, replay, _) = again((&other, &cast), BeatSource::Audio, &file);
-    assert!(
-        replay.comparison().differs.is_some(),
-        "another seed dances otherwise"
-    );
+    // Other seeds give other poses, and the comparison detects them. Two seeds may choose the same
+    // motions by chance.
+    let differs = |seed: u64| {
+        let mut other = config.clone();
+        other.plan.seed += seed;
+        let (_, replay, _) = again((&other, &cast), BeatSource::Audio, &file);
+        replay.comparison().differs.is_some()
+    };
+    assert!((1..=8).any(differs), "eight other seeds dance the same");
 }
 
 #[test]

@@ -1,6 +1,5 @@
-// Draws the picture of the dancers over the background. The picture has SAMPLES samples for each pixel, multiplied by alpha.
-
-const SAMPLES: i32 = 4;
+// Draws the picture of the dancers over the background. The picture has SAMPLES samples for each pixel, multiplied by alpha. `pipelines.rs` adds
+// the constant SAMPLES.
 
 @group(0) @binding(0) var dancers: texture_multisampled_2d<f32>;
 

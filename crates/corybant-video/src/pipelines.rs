@@ -28,8 +28,7 @@ pub const COLOUR: TextureFormat = TextureFormat::Rgba8Unorm;
 /// The texture format of the depth buffers and the shadow map: a 32-bit float.
 pub const DEPTH: TextureFormat = TextureFormat::Depth32Float;
 /// Number of samples that are drawn for each pixel of the dancers and then averaged, for smooth
-/// edges (anti-aliasing). The stage has soft edges and needs one sample. `composite.wgsl` has the
-/// same number.
+/// edges (anti-aliasing). The stage has soft edges and needs one sample.
 pub const SAMPLES: u32 = 4;
 /// Offset that is added to the depths in the shadow map: a constant part, and a part proportional
 /// to the slope of the surface. It prevents surfaces from casting shadows on themselves.
@@ -196,7 +195,11 @@ impl Pipelines {
             ..stage("composite_fragment")
         };
         let dancers = dancers_layout(device);
-        let over = device.create_shader_module(wgpu::include_wgsl!("composite.wgsl"));
+        let samples = format!("const SAMPLES: i32 = {SAMPLES};\n");
+        let over = device.create_shader_module(ShaderModuleDescriptor {
+            label: None,
+            source: ShaderSource::Wgsl((samples + include_str!("composite.wgsl")).into()),
+        });
         let make = |layout: &PipelineLayout, kind: &Kind| pipeline(device, &shader, layout, kind);
         Self {
             shadow: make(&alone, &shadow),
