@@ -147,8 +147,7 @@ impl Feet {
 
     /// Returns true if a foot that stands can keep its heading.
     pub fn may_turn(meeting: &Meeting) -> bool {
-        let turned = meeting.turned();
-        2.0 * maths::acos(turned.w.abs().min(1.0)) <= TURN_MAX
+        meeting.turn_angle() <= TURN_MAX
     }
 
     /// Moves locked feet of `pose` to their places, and raises feet that are below the floor. Also
@@ -166,7 +165,7 @@ impl Feet {
             let path = paths[i].filter(|path| path.share(frame) > 0.0)?;
             let leg = self.legs.get(i)?;
             let leg_pose = leg.pose_of(skeleton, pose);
-            let target = leg_pose.near(path.foot(frame, &clip[i]));
+            let target = leg_pose.near(path.foot(frame, &clip[i], &leg_pose.foot()));
             drop = drop.max(path.strain(frame) * leg.drop_for(&leg_pose, target.place));
             Some(target)
         });
@@ -180,9 +179,9 @@ impl Feet {
             let sole = foot.place.y + leg.lowest(skeleton, pose, foot.turn);
             let sunk = (FLOOR - sole).max(0.0);
             foot.place.y += sunk;
-            let share = paths[i].map_or(0.0, |path| path.share(frame));
-            let led = in_blend.max(share).max(smooth(sunk / KNEE_GUARD_HEIGHT));
-            if led > 0.0 || drop > 0.0 {
+            let strain = paths[i].map_or(0.0, |path| path.strain(frame));
+            let led = in_blend.max(strain).max(smooth(sunk / KNEE_GUARD_HEIGHT));
+            if led > 0.0 || drop > 0.0 || targets[i].is_some() {
                 leg.reach(&leg_pose, foot, led, pose);
             }
         }

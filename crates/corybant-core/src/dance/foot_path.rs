@@ -28,11 +28,14 @@ const DWELL_SHARE: f32 = 0.06;
 const STEP_HEIGHT: (f32, f32, f32) = (0.04, 0.15, 0.1);
 /// Length of a step in metres from which on it has its full height; a shorter one is lower.
 const STEP_FULL: f32 = 0.05;
+/// Distance of heel and toes from the point about which a foot turns, in metres.
+const TURN_LEVER: f32 = 0.1;
 /// Largest carried speed of a foot, in metres per frame, and of its rotation, in radians per frame.
 const CARRIED_MAX: (f32, f32) = (4.0 / MOTION_FPS as f32, 10.0 / MOTION_FPS as f32);
 /// Fraction of a path in which the carried speed of the foot decays.
 const CARRIED_SHARE: f32 = 0.6;
-
+/// Largest downward speed at the start of a path, in heights above its end for each duration.
+const FALL_MAX: f32 = 2.5;
 /// Fraction of a path at its start and at its end in which the hips begin and cease to give way.
 const STRAIN_SHARE: f32 = 0.3;
 
@@ -77,6 +80,22 @@ impl Meeting {
         Vec3::new(away.x, 0.0, away.z)
     }
 
+    /// Returns how far the foot gets along the floor, in metres: its shift and the arc of its turn.
+    fn way(&self, at: Vec3) -> f32 {
+        self.away(at).length() + TURN_LEVER * self.turn_angle()
+    }
+
+    /// Returns the angle of [`Meeting::turned`], in radians.
+    pub fn turn_angle(&self) -> f32 {
+        2.0 * maths::acos(self.turned().w.abs().min(1.0))
+    }
+
+    /// Returns the height of the sent foot above the foot in the clip, in metres; `at` is as in
+    /// [`Meeting::away`].
+    fn above(&self, at: Vec3) -> f32 {
+        self.sent[0].point(at).y - self.clip[0].point(at).y
+    }
+
     /// Returns the turn about Y from the foot in the clip to the sent foot.
     pub fn turned(&self) -> Quat {
         heading(self.sent[0].turn * self.clip[0].turn.inverse())
@@ -94,17 +113,42 @@ pub struct FootPath {
     /// Frame of the clip up to which the path leads the foot, because the blend of the other joints
     /// goes on after the foot is at its place.
     until: f64,
-    /// Difference between the sent foot and the clip, or the lock, at the start: shift in metres,
-    /// and rotation vector in radians.
-    difference: (Vec3, Vec3),
-    /// Rate of change of the difference at the start, in metres and radians per frame.
-    speed: (Vec3, Vec3),
+    /// Where the path begins; `None` if it leads the foot from its place in the blended pose.
+    start: Option<Start>,
     /// Greatest height by which the foot is lifted on the way, in metres.
     lift: f32,
     /// True if the foot stands at the start: then it is lifted before it moves.
     is_step: bool,
     /// The lock of the foot, if there is one.
     lock: Option<FootLock>,
+}
+
+/// The foot at the start of its path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Start {
+    /// Place of the led point, in metres.
+    place: Vec3,
+    /// Velocity of the led point, in metres per frame.
+    speed: Vec3,
+    /// Rotation of the foot.
+    turn: Quat,
+    /// Rotation vector of the foot's rotation in one frame, in radians.
+    turning: Vec3,
+}
+
+impl Start {
+    /// Returns the sent foot. `at` is the point that the path leads.
+    fn of(sent: &[Foot; 2], at: Vec3) -> Self {
+        let turning = sent[1].turn * sent[0].turn.inverse();
+        let turning = if turning.w < 0.0 { -turning } else { turning };
+        let [place, later] = sent.map(|foot| foot.point(at));
+        Self {
+            place,
+            speed: (later - place).clamp_length_max(CARRIED_MAX.0),
+            turn: sent[0].turn,
+            turning: turning.to_scaled_axis().clamp_length_max(CARRIED_MAX.1),
+        }
+    }
 }
 
 impl FootPath {
@@ -119,30 +163,44 @@ impl FootPath {
             until: stance.0,
             release: stance.1,
         };
-        let mut path = Self::free(meeting, at, frames, Some(lock));
+        let mut path = Self::new(at, frames, Start::of(&meeting.sent, at));
+        path.lock = Some(lock);
         // The point stands; its small speed is noise.
-        path.speed.0 = Vec3::ZERO;
-        path.difference.0 *= Vec3::Y;
+        path.start.iter_mut().for_each(|it| it.speed = Vec3::ZERO);
         path
     }
 
     /// Returns the path of a foot that stands in the old motion and gets to the place of the new
     /// motion with a step.
     pub fn step(meeting: &Meeting, at: Vec3, frames: (f64, f64)) -> Self {
-        let mut path = Self::free(meeting, at, frames, None);
-        path.speed = (Vec3::ZERO, Vec3::ZERO);
-        (path.lift, path.is_step) = (step_height(meeting.away(at).length()), true);
+        let mut path = Self::new(at, frames, Start::of(&meeting.sent, at));
+        path.start.iter_mut().for_each(|it| it.speed = Vec3::ZERO);
+        (path.lift, path.is_step) = (step_height(meeting.way(at)), true);
         path
     }
 
     /// Returns the path of a foot that is in the air in the old motion, and gets to the place of
     /// the new motion.
     pub fn landing(meeting: &Meeting, at: Vec3, frames: (f64, f64)) -> Self {
-        let mut path = Self::free(meeting, at, frames, None);
+        let mut path = Self::new(at, frames, Start::of(&meeting.sent, at));
         // A foot that is high already needs a lower arc.
-        let height = step_height(meeting.away(at).length());
-        path.lift = (height - 0.5 * path.difference.0.y).clamp(0.5 * height, height);
+        let (height, above) = (step_height(meeting.way(at)), meeting.above(at));
+        path.lift = (height - 0.5 * above).clamp(0.5 * height, height);
+        // A foot that falls faster would get below its place and rise again.
+        let falling = -FALL_MAX * above.max(0.0) / frames.1.max(1.0) as f32;
+        for start in &mut path.start {
+            start.speed.y = start.speed.y.max(falling);
+        }
         path
+    }
+
+    /// Returns the path of a foot that is in the air in both motions: it gets from its place in the
+    /// blended pose to the place of the new motion.
+    pub fn flight(meeting: &Meeting, at: Vec3, frames: (f64, f64)) -> Self {
+        Self {
+            start: None,
+            ..Self::landing(meeting, at, frames)
+        }
     }
 
     /// Returns the path, which leads the foot at least up to `frame` of the clip.
@@ -153,33 +211,16 @@ impl FootPath {
         }
     }
 
-    /// Returns a path without a lift, on which the difference of place, rotation and speed decays.
-    fn free(meeting: &Meeting, at: Vec3, frames: (f64, f64), lock: Option<FootLock>) -> Self {
-        let differences = [0, 1].map(|i| {
-            let clip = locked(lock.as_ref(), &meeting.clip[i], at, 1.0);
-            let turn = meeting.sent[i].turn * clip.turn.inverse();
-            let turn = if turn.w < 0.0 { -turn } else { turn };
-            (
-                meeting.sent[i].point(at) - clip.point(at),
-                turn.to_scaled_axis(),
-            )
-        });
-        let [difference, later] = differences;
-        let speed = (later.0 - difference.0).clamp_length_max(CARRIED_MAX.0);
-        // A foot that falls faster would get below its place and rise again.
-        let falling = -3.0 * difference.0.y.max(0.0) / (CARRIED_SHARE * frames.1 as f32).max(1.0);
+    /// Returns a path without a lift and a lock.
+    fn new(at: Vec3, frames: (f64, f64), start: Start) -> Self {
         Self {
             at,
             frames,
             until: frames.0 + frames.1,
-            difference,
-            speed: (
-                Vec3::new(speed.x, speed.y.max(falling), speed.z),
-                (later.1 - difference.1).clamp_length_max(CARRIED_MAX.1),
-            ),
+            start: Some(start),
             lift: 0.0,
             is_step: false,
-            lock,
+            lock: None,
         }
     }
 
@@ -205,17 +246,24 @@ impl FootPath {
     }
 
     /// Returns the place and the rotation of the foot at `frame` of the clip, in which the foot is
-    /// `clip`.
-    pub fn foot(&self, frame: f64, clip: &Foot) -> Foot {
+    /// `clip`. `blended` is the foot in the blended pose.
+    pub fn foot(&self, frame: f64, clip: &Foot, blended: &Foot) -> Foot {
         let share = self.lock.map_or(0.0, |lock| lock.share(frame));
         let clip = locked(self.lock.as_ref(), clip, self.at, share);
-        let into = (frame - self.frames.0).max(0.0);
-        let u = (into / self.frames.1.max(1.0)).min(1.0) as f32;
-        let left = self.left(u);
-        let carried = into as f32 * maths::powi(1.0 - (u / CARRIED_SHARE).min(1.0), 2);
-        let turn =
-            Quat::from_scaled_axis(self.difference.1 * left + self.speed.1 * carried) * clip.turn;
-        let mut place = clip.point(self.at) + self.difference.0 * left + self.speed.0 * carried;
+        let length = self.frames.1.max(1.0);
+        let u = ((frame - self.frames.0) / length).clamp(0.0, 1.0) as f32;
+        let carried = CARRIED_SHARE * length as f32 * carried((u / CARRIED_SHARE).min(1.0));
+        let (from, turn) = match &self.start {
+            Some(it) => (
+                it.place,
+                Quat::from_scaled_axis(it.turning * carried) * it.turn,
+            ),
+            None => (blended.point(self.at), blended.turn),
+        };
+        let speed = self.start.map_or(Vec3::ZERO, |it| it.speed);
+        let moved = self.moved(u);
+        let turn = turn.slerp(clip.turn, moved);
+        let mut place = from.lerp(clip.point(self.at), moved) + speed * carried;
         place.y += self.lift * arc(u);
         Foot {
             place: place - turn * self.at,
@@ -223,8 +271,8 @@ impl FootPath {
         }
     }
 
-    /// Returns the share of the difference that is left at the share `u` of the way.
-    fn left(&self, u: f32) -> f32 {
+    /// Returns how far the foot is on its way to its place, 0 to 1, at the share `u` of its time.
+    fn moved(&self, u: f32) -> f32 {
         let from = if self.is_step { DWELL_SHARE } else { 0.0 };
         let until = if self.lift > 0.0 {
             1.0 - DWELL_SHARE
@@ -232,11 +280,7 @@ impl FootPath {
             1.0
         };
         let x = ((u - from) / (until - from)).clamp(0.0, 1.0);
-        if self.is_step {
-            1.0 - x * x * x * (10.0 + x * (6.0 * x - 15.0))
-        } else {
-            1.0 - smooth(x)
-        }
+        x * x * x * (10.0 + x * (6.0 * x - 15.0))
     }
 }
 
@@ -261,6 +305,13 @@ fn locked(lock: Option<&FootLock>, clip: &Foot, at: Vec3, share: f32) -> Foot {
 fn arc(u: f32) -> f32 {
     let sine = maths::sin(std::f32::consts::PI * u);
     sine * sine
+}
+
+/// Returns the way that a foot moves on with its speed at the start of its path, as a share of the
+/// way at this speed in the whole time; `u` is the share of the time. The curve is the polynomial
+/// of degree 5 (minimum jerk) that is 0 at both ends, with no acceleration there.
+fn carried(u: f32) -> f32 {
+    u - u * u * u * (6.0 - u * (8.0 - 3.0 * u))
 }
 
 /// Returns the greatest height of a step of `length` metres, in metres.
@@ -296,11 +347,11 @@ mod tests {
         let flat = Vec3::new(1.0, 0.0, 1.0);
         for frame in 0..=60 {
             let clip = rolling(0.8 * smooth((frame as f32 - 10.0) / 30.0));
-            let toes = path.foot(f64::from(frame), &clip).point(TOE);
+            let toes = path.foot(f64::from(frame), &clip, &clip).point(TOE);
             let slid = (toes - sent.point(TOE)) * flat;
             assert!(slid.length() < 1e-4, "{slid} in frame {frame}");
         }
-        let end = path.foot(75.0, &rolling(0.8));
+        let end = path.foot(75.0, &rolling(0.8), &rolling(0.8));
         assert!(end.place.distance(rolling(0.8).place) < 1e-4);
         assert_eq!(path.share(75.0), 0.0);
     }
@@ -315,7 +366,7 @@ mod tests {
         };
         let path = FootPath::step(&meeting, Vec3::ZERO, (0.0, 20.0));
         let places: Vec<Vec3> = (0..=200)
-            .map(|i| path.foot(f64::from(i) / 10.0, &clip).place)
+            .map(|i| path.foot(f64::from(i) / 10.0, &clip, &clip).place)
             .collect();
         assert!(places[0].distance(sent.place) < 1e-6 && places[200].distance(clip.place) < 1e-6);
         let highest = places.iter().map(|it| it.y - 0.08).fold(0.0, f32::max);

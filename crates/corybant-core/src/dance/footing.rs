@@ -26,7 +26,7 @@ const WAY_FRAMES: (f64, f64) = (16.0, 0.35 * MOTION_FPS);
 /// Additional duration of the way of a foot that lands, in frames for each metre of its length.
 const WAY_FRAMES_PER_M: f64 = 50.0;
 /// A foot whose stance begins within this number of frames after a splice stands.
-const LANDS_FRAMES: f64 = 6.0;
+const LANDS_FRAMES: f64 = 3.0;
 /// Speed along the floor in metres per second above which a foot is in the air.
 const STANDING_SPEED_MAX: f32 = 0.5;
 
@@ -135,10 +135,12 @@ impl Footing {
                 (true, false, _) => FootPath::step(&meeting, at, (frame, until.clamp(least, most))),
                 (false, true, _) => {
                     let way = f64::from(meeting.away(at).length()) * WAY_FRAMES_PER_M;
-                    FootPath::landing(&meeting, at, (frame, (least + way * scale).min(most)))
+                    let frames = (frame, (least + way * scale).min(most));
+                    FootPath::landing(&meeting, at, frames)
                 }
                 (false, false, _) => {
-                    FootPath::landing(&meeting, at, (frame, until.clamp(least, most)))
+                    let frames = (frame, until.clamp(least, most));
+                    FootPath::flight(&meeting, at, frames)
                 }
             };
             Some(path.at_least_until(frame + most))

@@ -63,6 +63,14 @@ pub(crate) struct LegPose {
 }
 
 impl LegPose {
+    /// Returns the foot.
+    pub fn foot(&self) -> Foot {
+        Foot {
+            place: self.places[2],
+            turn: self.turns[2],
+        }
+    }
+
     /// Returns `target` or, if it is far from the ankle, a foot between both. Inverse kinematics
     /// would swing the whole leg to a far target, and turn it about any axis to an opposite one.
     pub fn near(&self, target: Foot) -> Foot {
