@@ -29,6 +29,9 @@ const FADE_FRAMES: usize = 15;
 const SMOOTH_FRAMES: usize = 2;
 /// Weight of a part of the foot that does not stand, compared with one that stands.
 const FREE_WEIGHT: f32 = 0.05;
+/// Height above its lowest height in a contact from which on a part of the foot does not stand, in
+/// metres. A heel rises by some centimetres before its contact ends.
+const RISEN: f32 = 0.012;
 /// Largest turn of a foot, in radians.
 const TURN_MAX: f32 = 0.3;
 /// Correction below which a frame is not changed, and from which on the knee is fully guarded, in
@@ -87,15 +90,17 @@ impl Part {
         let mut weights = vec![FREE_WEIGHT; feet.len()];
         for contact in contacts {
             let frames = contact.first as usize..=contact.last as usize;
-            let places: Vec<Vec3> = feet[frames.clone()]
-                .iter()
-                .map(|foot| foot.point(at) * Vec3::new(1.0, 0.0, 1.0))
-                .collect();
+            let height = |frame: usize| feet[frame].point(at).y;
+            let lowest = frames.clone().map(height).fold(f32::INFINITY, f32::min);
+            let stands = |frame: usize| 1.0 - smooth((height(frame) - lowest) / RISEN);
+            let place = |frame: usize| feet[frame].point(at) * Vec3::new(1.0, 0.0, 1.0);
+            let low = frames.filter(|&frame| stands(frame) > 0.0);
+            let places: Vec<Vec3> = low.clone().map(place).collect();
             let anchor = anchor_of(&places);
-            for (frame, place) in frames.clone().zip(&places) {
-                known[frame] = Some(anchor.map_or(Vec3::ZERO, |anchor| anchor - *place));
+            for frame in low {
+                known[frame] = Some(anchor.map_or(Vec3::ZERO, |anchor| anchor - place(frame)));
+                weights[frame] = FREE_WEIGHT.max(stands(frame));
             }
-            weights[frames].fill(1.0);
         }
         let shifts = filled(feet.len(), |frame| known[frame]);
         Self {
