@@ -11,7 +11,6 @@
 use glam::{Quat, Vec3};
 
 use crate::graph::ClipInfo;
-use crate::maths;
 use crate::motion::leg::{Leg, smooth};
 use crate::motion::{Contact, FootPart, Pose, Skeleton};
 
@@ -258,6 +257,7 @@ where
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::maths;
     use crate::motion::Joint;
 
     /// Returns a skeleton of hips with two legs of 0.9 m, and a pose of it.

@@ -6,7 +6,8 @@
 //!
 //! A path leads a point of the foot: the heel, the toes, or the middle between both, whichever
 //! stands. So a foot that rolls while its rotation blends turns about the point on which it stands.
-//! A lock displaces a whole stance (the time in which heel, toes or both stand) by one shift and one
+//! A path begins with the speed of the foot and ends with that of the clip, on curves of minimum
+//! jerk. A lock displaces a whole stance (the time in which heel, toes or both stand) by one shift and one
 //! turn about a vertical axis; therefore whatever stands still in the clip also stands still on the
 //! stage, while the foot rolls from the heel to the toes. The lock fades out while the foot is in
 //! the air (compare Kovar et al., "Footskate Cleanup for Motion Capture Editing", 2002).
@@ -113,8 +114,10 @@ pub struct FootPath {
     /// Frame of the clip up to which the path leads the foot, because the blend of the other joints
     /// goes on after the foot is at its place.
     until: f64,
-    /// Where the path begins; `None` if it leads the foot from its place in the blended pose.
-    start: Option<Start>,
+    /// The sent foot at the start of the path.
+    start: Start,
+    /// True if the path leads the foot from its place in the blended pose, and not from `start`.
+    from_blend: bool,
     /// Greatest height by which the foot is lifted on the way, in metres.
     lift: f32,
     /// True if the foot stands at the start: then it is lifted before it moves.
@@ -166,7 +169,7 @@ impl FootPath {
         let mut path = Self::new(at, frames, Start::of(&meeting.sent, at));
         path.lock = Some(lock);
         // The point stands; its small speed is noise.
-        path.start.iter_mut().for_each(|it| it.speed = Vec3::ZERO);
+        path.start.speed = Vec3::ZERO;
         path
     }
 
@@ -174,7 +177,7 @@ impl FootPath {
     /// motion with a step.
     pub fn step(meeting: &Meeting, at: Vec3, frames: (f64, f64)) -> Self {
         let mut path = Self::new(at, frames, Start::of(&meeting.sent, at));
-        path.start.iter_mut().for_each(|it| it.speed = Vec3::ZERO);
+        path.start.speed = Vec3::ZERO;
         (path.lift, path.is_step) = (step_height(meeting.way(at)), true);
         path
     }
@@ -188,9 +191,7 @@ impl FootPath {
         path.lift = (height - 0.5 * above).clamp(0.5 * height, height);
         // A foot that falls faster would get below its place and rise again.
         let falling = -FALL_MAX * above.max(0.0) / frames.1.max(1.0) as f32;
-        for start in &mut path.start {
-            start.speed.y = start.speed.y.max(falling);
-        }
+        path.start.speed.y = path.start.speed.y.max(falling);
         path
     }
 
@@ -198,7 +199,7 @@ impl FootPath {
     /// blended pose to the place of the new motion.
     pub fn flight(meeting: &Meeting, at: Vec3, frames: (f64, f64)) -> Self {
         Self {
-            start: None,
+            from_blend: true,
             ..Self::landing(meeting, at, frames)
         }
     }
@@ -217,7 +218,8 @@ impl FootPath {
             at,
             frames,
             until: frames.0 + frames.1,
-            start: Some(start),
+            start,
+            from_blend: false,
             lift: 0.0,
             is_step: false,
             lock: None,
@@ -253,17 +255,15 @@ impl FootPath {
         let length = self.frames.1.max(1.0);
         let u = ((frame - self.frames.0) / length).clamp(0.0, 1.0) as f32;
         let carried = CARRIED_SHARE * length as f32 * carried((u / CARRIED_SHARE).min(1.0));
-        let (from, turn) = match &self.start {
-            Some(it) => (
-                it.place,
-                Quat::from_scaled_axis(it.turning * carried) * it.turn,
-            ),
-            None => (blended.point(self.at), blended.turn),
+        let (start, moved) = (&self.start, self.moved(u));
+        let (from, turn, on) = if self.from_blend {
+            (blended.point(self.at), blended.turn, Vec3::ZERO)
+        } else {
+            let turned = Quat::from_scaled_axis(start.turning * carried);
+            (start.place, turned * start.turn, start.speed * carried)
         };
-        let speed = self.start.map_or(Vec3::ZERO, |it| it.speed);
-        let moved = self.moved(u);
         let turn = turn.slerp(clip.turn, moved);
-        let mut place = from.lerp(clip.point(self.at), moved) + speed * carried;
+        let mut place = from.lerp(clip.point(self.at), moved) + on;
         place.y += self.lift * arc(u);
         Foot {
             place: place - turn * self.at,
@@ -378,5 +378,47 @@ mod tests {
         let fastest = places.windows(2).map(|it| it[0].distance(it[1]) * 600.0);
         assert!(fastest.fold(0.0, f32::max) < 3.0);
         assert!(step_height(0.1) < step_height(0.3) && step_height(0.0) == 0.0);
+    }
+
+    #[test]
+    fn a_path_begins_with_the_speed_of_the_foot_and_ends_in_the_clip() {
+        // The clip moves 3 m/s forwards.
+        let clip = |frame: f32| foot(Vec3::new(0.0, 0.1, 0.05 * frame), Quat::IDENTITY);
+        let sent =
+            |speed: f32| [0.0, speed].map(|x| foot(Vec3::new(0.2 + x, 0.1, 0.0), Quat::IDENTITY));
+        let [still, moving] = [0.0, 0.04].map(|speed| Meeting {
+            sent: sent(speed),
+            clip: [clip(0.0), clip(1.0)],
+        });
+        let frames = (0.0, 20.0);
+        for (path, speed) in [
+            (FootPath::step(&still, Vec3::ZERO, frames), 0.0),
+            (FootPath::landing(&moving, Vec3::ZERO, frames), 0.04),
+        ] {
+            let at = |frame: f32| {
+                path.foot(f64::from(frame), &clip(frame), &clip(frame))
+                    .place
+            };
+            let first = (at(0.1) - at(0.0)) / 0.1;
+            assert!(first.distance(Vec3::X * speed) < 2e-3, "{first}");
+            assert!(at(20.0).distance(clip(20.0).place) < 1e-5);
+            let places: Vec<Vec3> = (0..=22).map(|frame| at(frame as f32)).collect();
+            let changes = places.windows(3).map(|it| it[0] + it[2] - 2.0 * it[1]);
+            let most = changes.map(Vec3::length).fold(0.0, f32::max);
+            assert!(most < 0.02, "{most} m per frame squared");
+        }
+    }
+
+    #[test]
+    fn a_foot_that_turns_on_its_place_is_lifted() {
+        let clip = foot(Vec3::Y * 0.08, Quat::IDENTITY);
+        let turned = foot(Vec3::Y * 0.08, Quat::from_rotation_y(0.8));
+        let meeting = Meeting {
+            sent: [turned; 2],
+            clip: [clip; 2],
+        };
+        let path = FootPath::step(&meeting, Vec3::ZERO, (0.0, 20.0));
+        let height = path.foot(10.0, &clip, &clip).place.y - 0.08;
+        assert!(height > 0.03, "{height}");
     }
 }
