@@ -16,6 +16,7 @@ mod clean_bodies;
 mod cue_modes;
 mod examples;
 mod extend;
+mod feet;
 #[allow(
     clippy::disallowed_methods,
     reason = "what the tests compare with does not share code with the crate"
