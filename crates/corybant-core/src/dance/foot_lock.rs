@@ -27,7 +27,7 @@ const SWING_FRAMES_MIN: f64 = 8.0;
 const LOCK_DISTANCE_MAX: f32 = 0.12;
 /// Largest angle, in radians, at which a foot is locked: the angle between its heading in the
 /// sent pose and its heading in the clip.
-const TURN_MAX: f32 = 0.6;
+const TURN_MAX: f32 = 0.7;
 /// Lowest allowed height of the sole of a foot above the floor, in metres; a sole that is lower is
 /// raised to it.
 const FLOOR: f32 = -0.003;
