@@ -122,7 +122,7 @@ pub(super) fn parse_in_list(text: &str) -> Result<Cue, ControlTextError> {
 /// Returns true if `verb` (an entry of the command table) is a tempo command, such as tap or nudge.
 fn is_tempo(verb: &Verb) -> bool {
     verb.address
-        .is_some_and(|address| address.starts_with("/tempo/"))
+        .is_some_and(|address| address.starts_with("/tempo/") || address.starts_with("/timecode/"))
 }
 
 /// Parses `text`, a command without its `!`. Accepts the command only if `allowed` returns true for

@@ -13,6 +13,7 @@ pub mod beat;
 pub mod dispatch;
 pub mod packet;
 pub mod pattern;
+pub mod timecode;
 
 pub use super::verbs::Value;
 pub use dispatch::{OscMap, Rejected, Resolved};
