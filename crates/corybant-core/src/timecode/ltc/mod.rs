@@ -9,8 +9,10 @@
 //! |---|---|
 //! | `edges` | samples → times at which the signal crosses its middle |
 //! | `bits` | times of crossings → bits |
+//! | `arrival` | the show times of samples |
 //! | `generator` | timecode → samples |
 
+pub mod arrival;
 mod bits;
 mod edges;
 pub mod generator;

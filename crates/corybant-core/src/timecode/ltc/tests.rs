@@ -60,6 +60,58 @@ fn all_rates_directions_and_speeds_are_decoded_at_the_right_samples() {
     }
 }
 
+/// The frame 01:02:03:04 of SMPTE ST 12-1, written bit by bit: units and tens of frames, seconds,
+/// minutes and hours, each group followed by four user bits, then the sync word.
+#[test]
+fn the_bits_of_a_frame_are_those_of_the_standard() {
+    const BITS_OF_FRAME: &str = concat!(
+        "0010",
+        "0000",
+        "0000",
+        "0000",
+        "1100",
+        "0000",
+        "0000",
+        "0000",
+        "0100",
+        "0000",
+        "0000",
+        "0000",
+        "1000",
+        "0000",
+        "0000",
+        "0000",
+        "0011111111111101"
+    );
+    let mut samples = Vec::new();
+    let mut level = 0.4;
+    for bit in BITS_OF_FRAME.repeat(4).bytes() {
+        level = -level;
+        samples.extend([level; 10]);
+        if bit == b'1' {
+            level = -level;
+        }
+        samples.extend([level; 10]);
+    }
+    level = -level;
+    samples.extend([level; 10]);
+    let frames = decode(48_000, samples.into_iter());
+    let fields = Fields {
+        hours: 1,
+        minutes: 2,
+        seconds: 3,
+        frames: 4,
+    };
+    assert!(frames.len() >= 2);
+    assert!(
+        frames
+            .iter()
+            .all(|it| it.fields == fields && !it.is_reverse && !it.drops)
+    );
+    let end = frames[0].end / 1_600.0;
+    assert!((end - end.round()).abs() < 0.001, "{end} frames");
+}
+
 #[test]
 fn level_polarity_offset_and_noise_do_not_matter() {
     let (_, samples) = sound(FrameRate::FPS_25, 1.0, 48_000, 100);
