@@ -110,7 +110,13 @@ fn run_until(args: &RunArgs, stop: &Arc<AtomicBool>, setup: Option<&Arc<Setup>>)
             song.ltc = ltc;
             Samples::File(feed)
         }
-        None => Samples::Device(Box::new(input::open(&config.audio, &faults, &warnings)?)),
+        None => {
+            let device = input::open(&config.audio, &faults, &warnings)?;
+            if let Source::Ltc(channel) = config.timecode.source {
+                device.channels().set_timecode(Some(channel));
+            }
+            Samples::Device(Box::new(device))
+        }
     };
     match &samples {
         Samples::File(_) | Samples::Played(_) => info!("audio input: {}", config.audio.input),

@@ -60,7 +60,6 @@ use corybant_core::cue::list::lead::SongBeats;
 use corybant_core::fault::Faults;
 use corybant_core::show::{Cast, Show, ShowError};
 use corybant_core::time::Seconds;
-use corybant_core::timecode::settings::Source;
 use corybant_files::FileError;
 use corybant_files::show_file::ShowFile;
 
@@ -280,22 +279,11 @@ fn start(
     let takes = takes::start(config, parts).map_err(DaemonError::Thread)?;
     let (recordings, record_sinks) = inputs.recordings.start(&context)?;
     let (solving, solver) = solving::start().map_err(DaemonError::Thread)?;
-    if let (Source::Ltc(channel), Samples::Device(device)) =
-        (&config.timecode.source, &inputs.samples)
-    {
-        device.channels().set_timecode(Some(*channel));
-    }
-    let leader = ListLeader::new(
-        &config.timecode,
-        inputs.song,
-        context.cues.clone(),
-        monitor.timecode.clone(),
-    );
     let thread = ShowThread {
         show,
         samples: inputs.samples,
         cue_list: inputs.cue_list,
-        leader,
+        leader: ListLeader::new(&config.timecode, inputs.song, &context, &monitor),
         streams: Streams::new(outputs).map_err(DaemonError::Thread)?,
         cues: context.cues,
         performers,

@@ -321,7 +321,7 @@ fn machine(view: &ShowView) -> Vec<Line<'static>> {
         }
         lines.push(Line::from(spans));
     }
-    lines.extend(vitals.timecode.as_ref().map(timecode));
+    lines.extend(vitals.timecode.as_deref().map(timecode));
     for (what, last) in [("OSC", &vitals.osc), ("MIDI", &vitals.midi)] {
         lines.push(Line::from(vec![
             caption(what),

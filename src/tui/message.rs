@@ -132,7 +132,7 @@ pub struct Vitals {
     /// State of each live performer, in the order of the show file.
     pub performers: Vec<LivePerformer>,
     /// State of the timecode that leads the cue list; `None` if the show has no timecode.
-    pub timecode: Option<Timecode>,
+    pub timecode: Option<Box<Timecode>>,
     /// Current problems of the sound of the audio input.
     pub input: Vec<InputProblem>,
     /// Text of a recent OSC message; `None` if none has arrived since the start of the show.

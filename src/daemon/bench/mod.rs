@@ -36,7 +36,7 @@ use super::show_thread::{EndCondition, ShowThread};
 use super::streams::Streams;
 use super::surfaces::Watchers;
 use super::timecode::ListLeader;
-use super::{DaemonError, Lateness, LedSong, Samples, solving};
+use super::{DaemonError, Lateness, Samples, solving};
 
 mod flood;
 
@@ -178,12 +178,7 @@ impl Bench {
                 true,
             )),
             cue_list: CueList::default(),
-            leader: ListLeader::new(
-                &Default::default(),
-                LedSong::default(),
-                cues.clone(),
-                Default::default(),
-            ),
+            leader: ListLeader::without_timecode(&cues, Default::default()),
             streams,
             cues,
             performers: Performers::default(),

@@ -13,6 +13,8 @@ use corybant_core::time::Seconds;
 use corybant_core::timecode::settings::Settings;
 
 use super::LedSong;
+use super::listeners::ListenerContext;
+use super::monitor::Monitor;
 use super::samples::Samples;
 
 pub(super) mod display;
@@ -30,19 +32,28 @@ pub(super) struct ListLeader {
 }
 
 impl ListLeader {
-    /// Creates a leader with these settings for the cues of `song`. Cues go to `queue`, which also
-    /// has the readings of the listeners; `status` gets the state for displays.
+    /// Creates the leader of the cues of `song` in a show with these settings. Cues go to the queue of
+    /// `context`, which also has the readings of the listeners; `monitor` displays the state.
     pub(super) fn new(
         settings: &Settings,
         song: LedSong,
-        queue: CueQueue,
-        status: Latest<LeadStatus>,
+        context: &ListenerContext,
+        monitor: &Monitor,
     ) -> Self {
         let LedSong { beats, ltc } = song;
         Self {
             lead: settings.is_on().then(|| TimecodeLead::new(settings, beats)),
             ltc,
-            queue,
+            ..Self::without_timecode(&context.cues, monitor.timecode.clone())
+        }
+    }
+
+    /// Creates the leader of a show without timecode.
+    pub(super) fn without_timecode(queue: &CueQueue, status: Latest<LeadStatus>) -> Self {
+        Self {
+            lead: None,
+            ltc: None,
+            queue: queue.clone(),
             ignored: 0,
             status,
         }

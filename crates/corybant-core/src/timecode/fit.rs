@@ -11,6 +11,9 @@ const DRIFT_READINGS: usize = 3;
 /// Least number of readings of a line.
 const READINGS_MIN: usize = 4;
 
+/// Greatest absolute speed, in seconds of timecode per second.
+pub(super) const SPEED_MAX: f64 = 8.0;
+
 /// A line through readings, by least squares.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fit {
@@ -104,7 +107,8 @@ impl Fit {
         }
         self.origin = (time, position);
         if square > 0.0 {
-            self.speed = product / square;
+            // Readings in a burst say nothing about the speed.
+            self.speed = (product / square).clamp(-SPEED_MAX, SPEED_MAX);
         }
     }
 }

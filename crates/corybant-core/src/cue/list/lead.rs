@@ -165,7 +165,7 @@ impl TimecodeLead {
                 (Some((from, _)), Some((to, _))) => to - from,
                 _ => (to - from) / period.0.max(1e-3),
             };
-            list.locate(song, &beats, &mut *send);
+            list.locate(song, is_reverse, &beats, &mut *send);
         } else if position.state.runs() && !is_reverse {
             list.due(song, None, &mut *send);
         }

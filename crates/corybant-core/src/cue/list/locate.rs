@@ -89,10 +89,13 @@ impl Effect {
     }
 }
 
-/// Returns the number of beats that are left of a launch of `whole` beats after `beats` beats; at
-/// least 1.
-fn rest(whole: u32, beats: f64) -> u32 {
-    let left = f64::from(whole) + LEAD_BEATS - beats;
+/// Returns the number of beats that are left of a launch of `whole` beats after `beats` beats, or in
+/// reverse the number of beats until its launch; at least 1.
+fn rest(whole: u32, beats: f64, is_reverse: bool) -> u32 {
+    let left = match is_reverse {
+        true => beats,
+        false => f64::from(whole) + LEAD_BEATS - beats,
+    };
     (left.ceil().max(1.0) as u32).min(whole)
 }
 
@@ -119,13 +122,15 @@ impl CueList {
     }
 
     /// Goes to the time `time` of the song, in seconds, and calls `send` for the cues that bring the
-    /// dance to the state that the list has there. Sends nothing if that is the state of the place
-    /// that the list comes from. `beats(a, b)` returns the number of beats between two times.
+    /// dance to the state that the list has there. `beats(a, b)` returns the number of beats between
+    /// two times. If the song runs in reverse, labels last until the place of their launch, and
+    /// nothing is sent while the same cues are in force.
     ///
     /// The cues must be in the order of time; see [`CueList::in_order_of_time`].
     pub fn locate(
         &mut self,
         time: f64,
+        is_reverse: bool,
         beats: &dyn Fn(f64, f64) -> f64,
         mut send: impl FnMut(Cue),
     ) {
@@ -137,8 +142,9 @@ impl CueList {
         for ((when, _), given) in self.entries.iter().zip(&mut self.given) {
             *given = matches!(*when, When::Time(at) if at <= time);
         }
-        if !old.is_same(&new) {
-            change(&old, &new, &mut |command| send(command.into()));
+        // The same labels have other rests at another place.
+        if !old.is_same(&new) || !(is_reverse || new.launches.is_empty()) {
+            change(&old, &new, is_reverse, &mut |command| send(command.into()));
         }
     }
 
@@ -162,8 +168,9 @@ impl CueList {
     }
 }
 
-/// Sends the commands that lead from the effect `old` to the effect `new`.
-fn change(old: &Effect, new: &Effect, send: &mut dyn FnMut(DanceCommand)) {
+/// Sends the commands that lead from the effect `old` to the effect `new`. If `is_reverse` is true,
+/// the song runs in reverse.
+fn change(old: &Effect, new: &Effect, is_reverse: bool, send: &mut dyn FnMut(DanceCommand)) {
     let danced = old.launches.last().map(|it| it.launch.label);
     if (old.is_panicked || old.is_held) && !new.is_panicked {
         send(DanceCommand::Release);
@@ -182,12 +189,13 @@ fn change(old: &Effect, new: &Effect, send: &mut dyn FnMut(DanceCommand)) {
     let newest = new.launches.iter().rposition(|it| !it.launch.avoid);
     for (i, it) in new.launches.iter().enumerate() {
         let jumps = Some(i) == newest && danced != Some(it.launch.label);
+        let rest = |whole: u32| rest(whole, it.beats, is_reverse);
         let launch = Launch {
             beats: match it.launch.mode {
-                Mode::Trigger | Mode::Gate => rest(it.launch.beats, it.beats),
+                Mode::Trigger | Mode::Gate => rest(it.launch.beats),
                 Mode::Toggle | Mode::Repeat => it.launch.beats,
             },
-            held_beats: it.launch.held_beats.map(|held| rest(held, it.beats)),
+            held_beats: it.launch.held_beats.map(rest),
             quantise: if jumps { Quantise::Now } else { Quantise::Beat },
             ..it.launch
         };
@@ -221,7 +229,7 @@ mod tests {
 
     fn located(list: &mut CueList, time: f64) -> Vec<DanceCommand> {
         let mut sent = Vec::new();
-        list.locate(time, &beats, |cue| match cue {
+        list.locate(time, false, &beats, |cue| match cue {
             Cue::Dance(command) => sent.push(command),
             other => panic!("{other:?}"),
         });
@@ -237,7 +245,7 @@ mod tests {
     fn jump(label: u16, beats: u32) -> DanceCommand {
         DanceCommand::Launch(Launch {
             quantise: Quantise::Now,
-            ..Launch::new(label.into(), beats)
+            ..Launch::new(label, beats)
         })
     }
 
@@ -264,12 +272,32 @@ mod tests {
     }
 
     #[test]
-    fn a_jump_within_the_same_cue_sends_nothing() {
+    fn a_jump_within_the_same_cue_gives_it_another_rest_and_no_jump_of_the_dance() {
         let mut list = list("@20 salsa 16\n@40 disco 4\n");
         assert_eq!(due(&mut list, 9.76), 1);
-        assert_eq!(located(&mut list, 12.0), []);
-        assert_eq!(located(&mut list, 11.0), []);
-        assert_eq!(due(&mut list, 12.0), 0);
+        for (time, rest) in [(12.0, 12), (11.0, 14), (15.0, 6)] {
+            let launch = DanceCommand::Launch(Launch::new(0, rest));
+            let sent = located(&mut list, time);
+            assert_eq!(
+                sent,
+                [DanceCommand::Cancel { label: 0 }, launch],
+                "at {time} s"
+            );
+        }
+        assert_eq!(due(&mut list, 15.1), 0);
+        assert_eq!(located(&mut list, 5.0), [DanceCommand::Cancel { label: 0 }]);
+        assert_eq!(located(&mut list, 4.0), []);
+    }
+
+    #[test]
+    fn in_reverse_a_label_lasts_until_its_launch() {
+        let mut list = list("@20 salsa 16\n@40 disco 4\n");
+        let mut sent = Vec::new();
+        for time in [17.0, 16.9, 16.8, 12.0] {
+            list.locate(time, true, &beats, |cue| sent.push(cue));
+        }
+        // At 17 s, 14.5 beats after the launch.
+        assert_eq!(sent, [Cue::from(jump(0, 15))]);
     }
 
     #[test]

@@ -5,6 +5,7 @@
 //! | `packet` | bytes → messages |
 //! | `pattern` | OSC address patterns |
 //! | `dispatch` | messages → the cues that they send |
+//! | `timecode` | `/timecode`: the position of an OSC timecode source |
 //! | `beat` | `/beat`: messages of an OSC tempo source |
 //!
 //! In: bytes. Out: cues. Thread: any. Pure.

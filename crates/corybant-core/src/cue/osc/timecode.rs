@@ -9,16 +9,15 @@ use smpte_timecode::{Fields, FrameRate};
 use thiserror::Error;
 
 use super::packet;
+use crate::cue::verbs::TIMECODE_TAKES;
 use crate::timecode::{Place, Rate, parse_label};
 
 /// The OSC address of the messages that report timecode.
 pub const TIMECODE: &str = "/timecode";
-/// The arguments that `/timecode` accepts, in words.
-pub const TAKES: &str = "\"01:00:00:00\", or hours, minutes, seconds and frame, or seconds";
 
 /// A message `/timecode` has wrong arguments.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
-#[error("the arguments of {TIMECODE} are wrong; allowed are {TAKES}")]
+#[error("the arguments of {TIMECODE} are wrong; allowed are {TIMECODE_TAKES}")]
 pub struct TimecodeArguments;
 
 /// Calls `each` for each message `/timecode` in an OSC packet: with its place, or with an error.

@@ -22,6 +22,10 @@ use crate::time::{Bpm, Seconds};
 
 pub use table::{READOUTS, VERBS};
 
+/// The arguments of a report of timecode, in words.
+pub const TIMECODE_TAKES: &str =
+    "\"01:00:00:00\", or hours, minutes, seconds and frame, or seconds";
+
 /// The placeholder for the name of a label in the OSC addresses and texts of the command table.
 pub const LABEL: &str = "LABEL";
 
@@ -68,7 +72,7 @@ pub enum Command {
     /// Engage: lets timecode lead the cue list, or ends this.
     Engage,
     /// Timecode: reports the position of the timecode source "osc"; see
-    /// [`timecode`](super::osc::timecode).
+    /// `osc::timecode`.
     Timecode,
     /// Beat: reports one beat of the tempo source "osc"; see [`beat`](super::osc::beat).
     Beat,
@@ -289,7 +293,7 @@ impl fmt::Display for Argument {
                 write!(f, "a number from {min} to {max} ({unit})")
             }
             Self::Source => write!(f, "{}", TempoSource::NAMES),
-            Self::Timecode => f.write_str(super::osc::timecode::TAKES),
+            Self::Timecode => f.write_str(TIMECODE_TAKES),
         }
     }
 }

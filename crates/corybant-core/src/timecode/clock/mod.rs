@@ -8,7 +8,7 @@
 
 use smpte_timecode::{FrameRate, Timecode};
 
-use super::fit::Fit;
+use super::fit::{Fit, SPEED_MAX};
 use super::{DAY_S, Place, Rate, RateDetector, Reading};
 use crate::time::Seconds;
 
@@ -19,8 +19,6 @@ const TOLERANCE_FRAMES: f64 = 2.0;
 /// Number of usual intervals between readings, and number of frames, after which a missing reading
 /// counts as a drop-out.
 const LATE: (f64, f64) = (2.5, 3.0);
-/// Greatest speed that readings may have, as a multiple of the usual one.
-const SPEED_MAX: f64 = 8.0;
 /// Greatest absolute show time of a reading, in seconds; 30 years.
 const TIME_S_MAX: f64 = 1e9;
 /// Below this speed the source stands.
