@@ -186,10 +186,12 @@ fn ltc_of_a_music_file_leads_the_cue_list() {
     let found = place("timecode found at 01:00:20:0");
     let (salsa, robot) = (place(": salsa"), place(": robot"));
     assert!(found < salsa && salsa < robot, "{said}");
+    // The way to robot may lead over a beat of disco.
     assert!(
-        !said.contains(": disco") && !said.contains("timecode lost"),
+        said.find(": disco").is_none_or(|disco| disco > salsa),
         "{said}"
     );
+    assert!(!said.contains("timecode lost"), "{said}");
     write("show.toml", b"[timecode]\nsource = \"ltc:3\"\n");
     let said = String::from_utf8_lossy(&corybant(&RUN[..6], folder.path()).stderr).into_owned();
     assert!(said.contains("song.wav has 2 channels"), "{said}");
