@@ -261,14 +261,15 @@ fn a_performer_needs_an_input_of_its_own_and_a_dancer() {
 
 #[test]
 fn timecode_needs_a_source_that_exists() {
-    let section = |timecode: &str| problems(&format!("[timecode]\n{timecode}\n"));
     for right in [
         "source = \"ltc:2\"\nrate = \"29.97df\"\noffset = \"01:00:00:00\"",
         "source = \"mtc:jack:\"",
         "source = \"art-net:127.0.0.1\"\nengage = false",
         "source = \"osc\"\noffset = \"12.5\"",
     ] {
-        assert_eq!(section(right), [""; 0], "{right}");
+        let show = format!("[timecode]\n{right}\n");
+        let show = Config::parse("show.toml", &show).unwrap();
+        assert!(show.timecode.is_on(), "{right}");
     }
     for (wrong, part) in [
         ("source = \"ltc:0\"", "show.toml:2: the source is \"ltc:0\""),
@@ -292,7 +293,7 @@ fn timecode_needs_a_source_that_exists() {
             "tempo.source is \"timecode\", but timecode.source",
         ),
     ] {
-        let found = section(wrong);
+        let found = problems(&format!("[timecode]\n{wrong}\n"));
         assert!(
             found.len() == 1 && found[0].contains(part),
             "{wrong}: {found:#?}"
