@@ -40,6 +40,7 @@ mod show;
 mod show_no_alloc;
 mod stall;
 mod tempo_sources;
+mod timecode_lead;
 mod whole;
 
 /// The root of the repository.
