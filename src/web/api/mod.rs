@@ -8,7 +8,7 @@
 //! | `GET /api/events` | the state and the beats, as server-sent events |
 //! | `POST /api/NAME` | does what the command NAME says; see [`message`] |
 //!
-//! A refused request gets `{"message":text}`. `docs/api.md` is written by [`docs`]. Thread: the
+//! A refused request gets `{"message":text}`. A test in `docs.rs` writes `docs/api.md`. Thread: the
 //! page's.
 
 #[cfg(test)]

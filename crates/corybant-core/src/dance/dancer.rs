@@ -200,8 +200,10 @@ impl Dancer {
     /// forwards.
     pub fn pose_at(&self, beat: f64, pose: &mut Pose) {
         self.segment_pose(self.segment_at(beat), beat, pose);
-        let inside = |place| self.bounds.soft_clamp(place);
-        self.feet.warp(&self.graph.skeleton, inside, pose);
+        if !self.bounds.is_free(pose.root, self.feet.reach()) {
+            let inside = |place| self.bounds.soft_clamp(place);
+            self.feet.warp(&self.graph.skeleton, inside, pose);
+        }
     }
 
     /// Sets `pose` to the dancer's pose at the beat position `beat`, without the corrections by

@@ -73,15 +73,33 @@ pub struct Planting<'a> {
 pub struct Feet {
     /// Left and right leg; empty if the skeleton is not a humanoid with two legs.
     legs: Vec<Leg>,
+    /// Largest distance of a point of a foot from the root, in metres.
+    reach: f32,
 }
 
 impl Feet {
     /// Finds the legs of `skeleton`. For a skeleton without two humanoid legs the result has no
     /// legs, and no foot is ever locked.
     pub fn new(skeleton: &Skeleton) -> Self {
+        let legs = Leg::both(skeleton);
+        let length = |leg: &Leg| -> f32 {
+            let up = |&joint: &usize| skeleton.joints[joint].parent;
+            let chain = std::iter::successors(Some(leg.joints[2]), up);
+            let bones = chain.filter(|&joint| skeleton.joints[joint].parent.is_some());
+            bones
+                .map(|joint| skeleton.joints[joint].offset.length())
+                .sum::<f32>()
+                + leg.toe.length()
+        };
         Self {
-            legs: Leg::both(skeleton),
+            reach: legs.iter().map(length).fold(0.0, f32::max),
+            legs,
         }
+    }
+
+    /// Returns the largest distance of a point of a foot from the root, in metres.
+    pub fn reach(&self) -> f32 {
+        self.reach
     }
 
     /// Returns the indices in the skeleton of the left and the right ankle joint; empty if the
