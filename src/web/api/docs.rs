@@ -22,6 +22,9 @@ curl -N http://127.0.0.1:8710/api/events
 
 The commands are those of OSC, MIDI maps and the page's WebSocket ([osc.md](osc.md)), with the same meaning.
 
+A Bitfocus Companion module that uses this interface is in [`integrations/companion`](../integrations/companion/companion/HELP.md). To use it, run
+`npm ci --omit=dev` in `integrations/companion`, and enter the folder `integrations` as *developer modules path* in Companion's launcher.
+
 ## Rights
 
 A page on loopback needs no token. On another address each request needs one, as `Authorization: Bearer TOKEN` or `?token=TOKEN`:
@@ -41,7 +44,7 @@ second; further ones get the status 429.
 |---|---|
 | `GET /api` | `api` (version of this interface: 1), `version` of the program, `right` of the token, `dancers`, `labels`, `clips`, `sources`, and all `requests` below |
 | `GET /api/state` | the state of the show |
-| `GET /api/events?hz=5` | server-sent events: `state` with that state, 0.5 to 30 times per second, and `beat` with `beat`, `bar`, `beats_per_bar`, `bpm` |
+| `GET /api/events?hz=5` | server-sent events: `state` with that state, 0.5 to 30 times per second; `beat` with `beat`, `bar`, `beats_per_bar`, `bpm`; `names` with `labels` and `clips`, when they have changed |
 
 The state:
 

@@ -1,5 +1,5 @@
-//! The events of a show as server-sent events: `state` at a chosen rate, and `beat` at each beat. In:
-//! the latest status. Out: a response that ends with the show. Thread: the page's, a task for each
+//! The events of a show as server-sent events: `state` at a chosen rate, `beat` at each beat, and
+//! `names` when labels or clips have changed. In: the latest status. Out: a response that ends with the show. Thread: the page's, a task for each
 //! client.
 
 use std::convert::Infallible;
@@ -13,9 +13,11 @@ use axum::response::sse::{Event, Sse};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream;
 use serde_json::json;
+use tokio::sync::watch;
 use tokio::time::{Instant, Interval, MissedTickBehavior, interval};
 
 use super::{Api, refusal};
+use crate::web::about::Served;
 use crate::web::http::ClientAddress;
 use crate::web::http::websockets::WebSocketPermit;
 
@@ -29,6 +31,8 @@ const HZ_ALLOWED: std::ops::RangeInclusive<f64> = 0.5..=30.0;
 /// A client of the events.
 struct Listener {
     api: Arc<Api>,
+    /// Receiver of changed names.
+    about: watch::Receiver<Served>,
     looks: Interval,
     /// Time between two states, and the time of the next one.
     every: Duration,
@@ -58,6 +62,7 @@ pub(super) async fn events(
     let mut looks = interval(LOOK);
     looks.set_missed_tick_behavior(MissedTickBehavior::Skip);
     let listener = Listener {
+        about: api.shared.about.clone(),
         api,
         looks,
         every: Duration::from_secs_f64(1.0 / hz),
@@ -79,6 +84,11 @@ impl Listener {
             self.looks.tick().await;
             // The show has ended when the sender of its status is gone.
             self.api.status.has_changed().ok()?;
+            if self.about.has_changed().is_ok_and(|has_changed| has_changed) {
+                let names = Arc::clone(&self.about.borrow_and_update().names);
+                let names = json!({ "labels": names.labels, "clips": names.clips });
+                return Some(Event::default().event("names").data(names.to_string()));
+            }
             let status = *self.api.status.borrow();
             let beat = status.beat.floor() as i64;
             if status.music && self.beat.replace(beat).is_some_and(|last| last != beat) {
