@@ -22,6 +22,7 @@
 //! | [`dmx`] | levels of lighting desks (sACN, Art-Net) to cues |
 //! | `tui` | `corybant top`: the show on a terminal (feature `tui`) |
 //! | [`config`] | show files to checked settings; the settings that need a restart |
+//! | [`surface`] | layouts for TouchOSC and Open Stage Control |
 //! | [`offline`] | rehearsal, replay, dance files, motion directories, the planner's benchmark |
 //! | [`editor`] | the editor page: a song, its cue list and the dance |
 //! | [`daemon`] | a live show: threads, start order, setup on the page, reload of the show file, recording, shutdown |
@@ -85,6 +86,7 @@ pub mod midi;
 pub mod offline;
 pub mod osc;
 pub mod rt;
+pub mod surface;
 #[cfg(feature = "tui")]
 pub mod tui;
 pub mod web;

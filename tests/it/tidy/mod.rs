@@ -43,8 +43,8 @@ const CRATES: [Crate; 5] = [
     Crate {
         folder: "src",
         modules: &[
-            "rt", "audio", "midi", "web", "osc", "clock", "dmx", "tui", "config", "offline",
-            "editor", "daemon", "importer", "doctor", "cli",
+            "rt", "audio", "midi", "web", "osc", "clock", "dmx", "tui", "config", "surface",
+            "offline", "editor", "daemon", "importer", "doctor", "cli",
         ],
         worldly: &[
             "rt", "audio", "midi", "web", "osc", "clock", "dmx", "tui", "offline", "editor",
