@@ -16,14 +16,14 @@ use corybant_core::timecode;
 /// Longest time until a datagram on this machine has arrived.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-struct Desk {
+struct Opened {
     context: DmxContext,
     inputs: DmxInputs,
     art_net: Vec<ArtNetInput>,
 }
 
 /// Opens the inputs of the show file `text`, and of timecode on `timecode` if it is given.
-fn open(text: &str, timecode: Option<&str>) -> Desk {
+fn open(text: &str, timecode: Option<&str>) -> Opened {
     #[derive(serde::Deserialize)]
     struct Show {
         dmx_in: Vec<Settings>,
@@ -46,14 +46,14 @@ fn open(text: &str, timecode: Option<&str>) -> Desk {
         listening.push(art_net::timecode(listen, cues, faults).unwrap());
     }
     let art_net = art_net::open(listening).unwrap();
-    Desk {
+    Opened {
         context,
         inputs,
         art_net,
     }
 }
 
-impl Desk {
+impl Opened {
     /// Waits for the next cue.
     fn cue(&self) -> Cue {
         self.wait(|desk| desk.context.cues.pop())

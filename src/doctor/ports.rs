@@ -219,6 +219,29 @@ mod tests {
     }
 
     #[test]
+    fn universes_are_listed_and_a_taken_port_of_art_net_names_its_key() {
+        let taken = udp::bind("127.0.0.1:0").unwrap();
+        let address = taken.local_addr().unwrap();
+        let input = |protocol| dmx::Settings {
+            protocol,
+            universe: 20,
+            listen: address.to_string(),
+            ..dmx::Settings::default()
+        };
+        let lines = |protocol| dmx(&input(protocol), &None, &Privacy::default());
+        let sacn = lines(dmx::Protocol::Sacn);
+        assert!(
+            matches!(&sacn[..], [Line::Fact("DMX", text)] if text.starts_with("sacn universe 20 at")),
+            "{sacn:?}"
+        );
+        let art_net = lines(dmx::Protocol::ArtNet);
+        assert!(
+            matches!(&art_net[1], Line::Problem(text) if text.contains("set dmx_in.listen")),
+            "{art_net:?}"
+        );
+    }
+
+    #[test]
     fn the_system_names_this_program_as_a_listener() {
         let socket = udp::bind("127.0.0.1:0").unwrap();
         let number = socket.local_addr().unwrap().port();
