@@ -19,8 +19,10 @@
 //! | [`web`] | the page: HTTP server, access control, snapshots, messages, assets |
 //! | [`osc`] | OSC cues in, poses and feedback out, OSCQuery, announcement on the network |
 //! | [`clock`] | MIDI clock, Ableton Link, MIDI timecode and Art-Net timecode in, clock outputs |
+//! | [`dmx`] | levels of lighting desks (sACN, Art-Net) to cues |
 //! | `tui` | `corybant top`: the show on a terminal (feature `tui`) |
 //! | [`config`] | show files to checked settings; the settings that need a restart |
+//! | [`surface`] | layouts for TouchOSC and Open Stage Control |
 //! | [`offline`] | rehearsal, replay, dance files, motion directories, the planner's benchmark |
 //! | [`editor`] | the editor page: a song, its cue list and the dance |
 //! | [`daemon`] | a live show: threads, start order, setup on the page, reload of the show file, recording, shutdown |
@@ -38,7 +40,7 @@
 //! | `poses-N` | `daemon` | with many outputs: compute, encode and send poses for the show thread | do anything else |
 //! | MIDI (the system's or JACK's) | `midi`, `clock` | MIDI messages to cues, MIDI clock to tempo messages, MIDI timecode to positions; JACK's also sends LED messages and clock pulses | allocate, wait |
 //! | `osc` | `osc` | OSC messages to timestamped cues in a bounded queue | make musical decisions |
-//! | `art-net` | `clock` | Art-Net timecode to positions with their times of arrival | delay the show |
+//! | `art-net`, `sacn` | `clock`, `dmx` | Art-Net timecode to positions with their times of arrival; DMX levels to cues | delay the show |
 //! | `motion-in` | `osc` | a live performer's VMC messages to the latest pose for the show | delay the show |
 //! | `osc-feedback` | `osc` | send the show's changes to control surfaces, 30 times a second | delay the show |
 //! | `page`, `oscquery` | `web`, `osc` | serve the page and OSCQuery: read the latest state, send cues | delay the show |
@@ -76,6 +78,7 @@ pub mod cli;
 pub mod clock;
 pub mod config;
 pub mod daemon;
+pub mod dmx;
 pub mod doctor;
 pub mod editor;
 pub mod importer;
@@ -83,6 +86,7 @@ pub mod midi;
 pub mod offline;
 pub mod osc;
 pub mod rt;
+pub mod surface;
 #[cfg(feature = "tui")]
 pub mod tui;
 pub mod web;

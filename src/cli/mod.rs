@@ -21,6 +21,7 @@ mod replay;
 mod run;
 mod score;
 mod start;
+mod surface;
 #[cfg(feature = "tui")]
 mod top;
 
@@ -78,6 +79,8 @@ enum Command {
     Play(play::PlayArgs),
     /// Replay a recorded show with identical poses: live, or to files with --bvh or --poses
     Replay(replay::ReplayArgs),
+    /// Write a layout with the pads of a show for TouchOSC or Open Stage Control
+    Surface(surface::SurfaceArgs),
     #[cfg(feature = "tui")]
     /// Show and control a running show in the terminal, also over SSH
     Top(top::TopArgs),
@@ -116,6 +119,7 @@ impl Command {
             Self::Score(args) => score::score(args),
             Self::Play(args) => play::play(args),
             Self::Replay(args) => replay::replay(args),
+            Self::Surface(args) => surface::surface(args),
             #[cfg(feature = "tui")]
             Self::Top(args) => top::top(args),
             Self::Devices => devices::devices(),

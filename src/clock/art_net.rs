@@ -1,29 +1,24 @@
-//! Art-Net timecode input. In: UDP datagrams. Out: readings of timecode for the show. Thread: its own,
-//! "art-net", which ends when the [`ArtNetInput`] is dropped. Packets without timecode are ignored;
-//! malformed ones are counted and, at most once a second, logged.
+//! Art-Net input: timecode, and a socket for it that DMX inputs can share. In: UDP datagrams. Out:
+//! readings of timecode for the show. Thread: its own, "art-net", which ends when the
+//! [`ArtNetInput`] is dropped. Packets without timecode are ignored; malformed ones are counted and,
+//! at most once a second, logged.
 
 use std::io;
-use std::net::{SocketAddr, UdpSocket};
+use std::net::{SocketAddr, ToSocketAddrs};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use thiserror::Error;
 use tracing::warn;
 
-use crate::osc::input::receive_error::ReceiveError;
+use super::datagrams::{self, DatagramInput, Listening};
 use crate::rt::cue_queue::CueQueue;
 use crate::rt::system::udp;
-use crate::rt::worker::{StopSignal, Worker};
+use crate::rt::worker::Worker;
 use corybant_core::fault::{Fault, Faults};
 use corybant_core::time::Seconds;
 use corybant_core::timecode::{Reading, art_net};
 
-/// Longest time for which the thread waits for a datagram before it checks whether it must stop.
-const RECEIVE_MAX: Duration = Duration::from_millis(100);
-/// Pause after an error of the socket. A permanent error must not use a whole core.
-const ERROR_PAUSE: Duration = Duration::from_millis(33);
-/// Largest datagram that is read, in bytes; Art-Net has no longer packets.
-const DATAGRAM_MAX: usize = 1_500;
 /// Shortest time between two log lines about malformed packets.
 const LOG_EVERY: Duration = Duration::from_secs(1);
 /// Typical error of the arrival times of packets.
@@ -32,7 +27,7 @@ const JITTER: Seconds = Seconds(0.005);
 /// The operating system refuses to receive Art-Net at a network address.
 #[derive(Debug, Error)]
 #[error(
-    "cannot receive Art-Net timecode on {listen}: {source}; if another program has this port, stop it or give timecode.source another address, such as \"art-net:127.0.0.2\""
+    "cannot receive Art-Net on {listen}: {source}; if another program has this port, stop it or give another address, such as timecode.source = \"art-net:127.0.0.2\" or dmx_in.listen = \"127.0.0.2\""
 )]
 pub struct ArtNetInputError {
     /// The network address, `HOST:PORT`.
@@ -55,77 +50,86 @@ impl ArtNetInput {
     }
 }
 
-/// Starts to receive Art-Net timecode at the network address `listen`, `HOST:PORT`. Readings go to
+/// Creates an input of timecode at the network address `listen`, `HOST:PORT`. Readings go to
 /// `queue`.
 ///
 /// # Errors
-/// [`ArtNetInputError`] if the system refuses the network address or the thread.
-pub fn open(
+/// [`ArtNetInputError`] if the host is unknown.
+pub(crate) fn timecode(
     listen: &str,
     queue: CueQueue,
     faults: Arc<Faults>,
-) -> Result<ArtNetInput, ArtNetInputError> {
+) -> Result<Listening, ArtNetInputError> {
+    let resolved = listen.to_socket_addrs().and_then(|mut found| {
+        found
+            .next()
+            .ok_or_else(|| io::Error::new(io::ErrorKind::NotFound, "the host has no address"))
+    });
     let error = |source| ArtNetInputError {
         listen: listen.into(),
         source,
     };
-    let socket = udp::bind(listen).map_err(error)?;
-    socket.set_read_timeout(Some(RECEIVE_MAX)).map_err(error)?;
-    let local = socket.local_addr().map_err(error)?;
-    let receiver = ArtNetReceiver {
-        socket,
-        queue,
-        faults,
-        logged: None,
-    };
-    let worker = Worker::start("art-net", move |stop| receiver.run(stop)).map_err(error)?;
-    Ok(ArtNetInput {
-        local,
-        _worker: worker,
+    Ok(Listening {
+        listen: resolved.map_err(error)?,
+        input: Box::new(TimecodeInput {
+            queue,
+            faults,
+            logged: None,
+        }),
     })
 }
 
-/// The state of the thread that receives packets.
-struct ArtNetReceiver {
-    socket: UdpSocket,
+/// Starts to receive Art-Net for `inputs`. Inputs whose network addresses meet share a socket.
+///
+/// # Errors
+/// [`ArtNetInputError`] if the system refuses a network address or a thread.
+pub(crate) fn open(inputs: Vec<Listening>) -> Result<Vec<ArtNetInput>, ArtNetInputError> {
+    let open_one = |(listen, inputs): (SocketAddr, Vec<Listening>)| {
+        let error = |source| ArtNetInputError {
+            listen: listen.to_string(),
+            source,
+        };
+        let socket = udp::bind(&listen.to_string()).map_err(error)?;
+        let local = socket.local_addr().map_err(error)?;
+        let worker = datagrams::receive("art-net", socket, inputs).map_err(error)?;
+        Ok(ArtNetInput {
+            local,
+            _worker: worker,
+        })
+    };
+    datagrams::by_socket(inputs)
+        .into_iter()
+        .map(open_one)
+        .collect()
+}
+
+/// Converts packets to readings of timecode.
+struct TimecodeInput {
     queue: CueQueue,
     faults: Arc<Faults>,
     /// Time of the last log line about a malformed packet.
     logged: Option<Instant>,
 }
 
-impl ArtNetReceiver {
-    fn run(mut self, stop: &StopSignal) {
-        // One byte more than the limit, to detect a longer datagram that was cut.
-        let mut buffer = [0; DATAGRAM_MAX + 1];
-        while !stop.is_set() {
-            match self.socket.recv_from(&mut buffer) {
-                Ok((length, from)) => self.process(&buffer[..length], from),
-                Err(error) => match ReceiveError::of(&error) {
-                    ReceiveError::Nothing => {}
-                    ReceiveError::TooLong => self.faults.count(Fault::BadTimecode),
-                    ReceiveError::Failed => std::thread::park_timeout(ERROR_PAUSE),
-                },
-            }
-        }
-    }
-
-    fn process(&mut self, datagram: &[u8], from: SocketAddr) {
-        let now = Instant::now();
+impl DatagramInput for TimecodeInput {
+    fn process(&mut self, datagram: &[u8], from: SocketAddr, arrived: Instant) {
         let place = match art_net::parse(datagram) {
             Ok(Some(place)) => place,
             Ok(None) => return,
             Err(error) => {
                 self.faults.count(Fault::BadTimecode);
-                if self.logged.is_none_or(|logged| now - logged >= LOG_EVERY) {
-                    self.logged = Some(now);
+                if self
+                    .logged
+                    .is_none_or(|logged| arrived - logged >= LOG_EVERY)
+                {
+                    self.logged = Some(arrived);
                     warn!("ignored a datagram from {from}, which is no timecode: {error}");
                 }
                 return;
             }
         };
         // Before the start of the show there is nothing to lead.
-        if let Some(at) = self.queue.clock().at(now) {
+        if let Some(at) = self.queue.clock().at(arrived) {
             self.queue.send_timecode(Reading {
                 at,
                 place,
@@ -135,10 +139,16 @@ impl ArtNetReceiver {
             });
         }
     }
+
+    fn process_lost(&mut self) {
+        self.faults.count(Fault::BadTimecode);
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::net::UdpSocket;
+
     use super::*;
     use corybant_core::timecode::Place;
 
@@ -147,7 +157,8 @@ mod tests {
         let faults = Arc::new(Faults::default());
         let queue = CueQueue::new(16, faults.clone());
         queue.clock().start();
-        let input = open("127.0.0.1:0", queue.clone(), faults.clone()).unwrap();
+        let input = timecode("127.0.0.1:0", queue.clone(), faults.clone()).unwrap();
+        let input = open(vec![input]).unwrap().remove(0);
         let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
         let send = |bytes: &[u8]| sender.send_to(bytes, input.local_addr()).unwrap();
         let good = *b"Art-Net\0\x00\x97\x00\x0e\0\0\x04\x03\x02\x01\x01";

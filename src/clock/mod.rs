@@ -4,6 +4,7 @@
 //! others.
 
 pub mod art_net;
+pub(crate) mod datagrams;
 #[cfg(feature = "link")]
 pub mod link;
 pub mod midi_in;

@@ -3,6 +3,7 @@
 
 pub mod changes;
 pub mod graphs;
+pub mod lines;
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +12,7 @@ use thiserror::Error;
 
 use crate::osc::input::own_address::{is_received, local_addresses};
 use crate::osc::{input, motion_in, output};
-use crate::{audio, clock, midi, web};
+use crate::{audio, clock, dmx, midi, web};
 use corybant_core::tempo::source::TempoSource;
 use corybant_core::text::{did_you_mean, one_line_each};
 use corybant_core::time::Seconds;
@@ -55,6 +56,8 @@ pub struct Config {
     pub osc: input::Settings,
     /// `[[midi]]`: the MIDI controllers.
     pub midi: Vec<midi::Settings>,
+    /// `[[dmx_in]]`: the universes of lighting desks.
+    pub dmx_in: Vec<dmx::Settings>,
     /// `[[clock_out]]`: the receivers of the show's beat.
     pub clock_out: Vec<clock::out::Settings>,
     /// `[page]`: the network address and the token of the web page.
@@ -75,6 +78,7 @@ impl Default for Config {
             motion_in: Vec::new(),
             osc: Default::default(),
             midi: Vec::new(),
+            dmx_in: Vec::new(),
             clock_out: Vec::new(),
             page: Default::default(),
         }
@@ -84,24 +88,6 @@ impl Default for Config {
 /// Returns true if the show file names the file `path`.
 fn is_set(path: &Path) -> bool {
     !path.as_os_str().is_empty()
-}
-
-/// If the problem `sentence` quotes a receiver in `osc.feedback`, returns the number (from 1) of
-/// the line of the show file `text` that contains this receiver. Returns `None` for other problems.
-fn feedback_line(text: &str, sentence: &str) -> Option<usize> {
-    #[derive(Deserialize)]
-    struct Show {
-        osc: Osc,
-    }
-    #[derive(Deserialize)]
-    struct Osc {
-        feedback: Vec<toml::Spanned<String>>,
-    }
-    let about = sentence.strip_prefix("osc.feedback holds ")?;
-    let show: Show = toml::from_str(text).ok()?;
-    let is_meant = |to: &&toml::Spanned<String>| about.starts_with(&format!("{:?}", to.get_ref()));
-    let at = show.osc.feedback.iter().find(is_meant)?.span().start;
-    Some(text.get(..at)?.matches('\n').count() + 1)
 }
 
 /// Error of a show file that cannot be used, with all its problems.
@@ -136,7 +122,7 @@ impl Config {
             config.check(&mut sentences);
         }
         problems.extend(sentences.into_iter().map(|sentence| {
-            match feedback_line(text, &sentence) {
+            match lines::line_of(text, &sentence) {
                 Some(line) => format!("{name}:{line}: {sentence}"),
                 None => format!("{name}: {sentence}"),
             }
@@ -183,6 +169,7 @@ impl Config {
         for (i, midi) in self.midi.iter().enumerate() {
             midi.check(&format!("midi {}", i + 1), problems);
         }
+        dmx::check_all(&self.dmx_in, problems);
         for (i, out) in self.clock_out.iter().enumerate() {
             out.check(&format!("clock_out {}", i + 1), problems);
         }
@@ -396,6 +383,9 @@ impl Config {
                 .filter_map(|entry| entry.action(labels).err())
                 .map(|error| error.to_string()),
         );
+        for (number, input) in (1..).zip(&self.dmx_in) {
+            input.check_labels(&format!("dmx_in {number}"), labels, problems);
+        }
         for (number, output) in (1..).zip(&self.output) {
             let known = |label: &str| {
                 labels

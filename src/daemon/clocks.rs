@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use crate::clock::art_net::{self, ArtNetInput};
+use crate::clock::datagrams::Listening;
 #[cfg(feature = "link")]
 use crate::clock::link;
 use crate::clock::midi_in::{self, MidiClockInput, Wanted};
@@ -23,14 +24,16 @@ pub(super) struct Clocks {
     midi_in: Option<MidiClockInput>,
     /// Receiver of MIDI timecode on a port of its own.
     timecode_midi: Option<MidiClockInput>,
-    art_net: Option<ArtNetInput>,
+    /// Receivers of Art-Net: timecode and DMX.
+    art_net: Vec<ArtNetInput>,
     #[cfg(feature = "link")]
     link: Option<link::LinkSession>,
     outs: Vec<ClockOut>,
 }
 
 impl Clocks {
-    /// Opens the clock inputs and outputs that `config` names. Adds to `watchers` a reader of the
+    /// Opens the clock inputs and outputs that `config` names. `art_net` are further inputs of Art-Net,
+    /// which share its sockets with timecode. Adds to `watchers` a reader of the
     /// show's tempo for the Link session and for each clock output.
     ///
     /// # Errors
@@ -39,6 +42,7 @@ impl Clocks {
         config: &Config,
         cues: &CueQueue,
         faults: &Arc<Faults>,
+        mut art_net: Vec<Listening>,
         watchers: &mut Watchers,
     ) -> Result<Self, DaemonError> {
         let port = Some(&config.tempo.midi_clock).filter(|port| !port.is_empty());
@@ -58,9 +62,10 @@ impl Clocks {
         let timecode_midi = on_own
             .map(|port| open(port, false, Some(rate)))
             .transpose()?;
-        let art_net = address
-            .map(|listen| art_net::open(listen, cues.clone(), faults.clone()))
-            .transpose()?;
+        if let Some(listen) = address {
+            art_net.push(art_net::timecode(listen, cues.clone(), faults.clone())?);
+        }
+        let art_net = art_net::open(art_net)?;
         #[cfg(feature = "link")]
         let link = config
             .tempo

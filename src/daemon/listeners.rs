@@ -7,6 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use crate::config::Config;
+use crate::dmx::{DmxContext, DmxInputs};
 use crate::midi::{DeviceManager, LedPublisher, MidiContext, MidiControl};
 use crate::rt::cue_queue::CueQueue;
 use crate::rt::histogram::Percentiles;
@@ -61,6 +62,7 @@ pub(super) struct Listeners {
     surfaces: Surfaces,
     midi: DeviceManager,
     clocks: Clocks,
+    dmx: DmxInputs,
     /// The web page; `None` if it is off.
     page: Option<Page>,
 }
@@ -97,7 +99,13 @@ impl Listeners {
                 raise_priority: || drop(priority::raise()),
             },
         )?;
-        let clocks = Clocks::open(config, cues, faults, watchers)?;
+        let dmx_context = DmxContext {
+            cues: cues.clone(),
+            faults: faults.clone(),
+            warnings: context.warnings.clone(),
+        };
+        let (dmx, art_net) = DmxInputs::open(&config.dmx_in, &about.labels, &dmx_context)?;
+        let clocks = Clocks::open(config, cues, faults, art_net, watchers)?;
         let page_context = WebContext {
             cues: cues.clone(),
             faults: faults.clone(),
@@ -115,6 +123,7 @@ impl Listeners {
                 surfaces,
                 midi,
                 clocks,
+                dmx,
                 page,
             },
             leds,
@@ -147,6 +156,11 @@ impl Listeners {
         self.midi.led_delay()
     }
 
+    /// Returns the DMX inputs.
+    pub(super) fn dmx(&self) -> &DmxInputs {
+        &self.dmx
+    }
+
     /// Sends `vitals`, the vitals of the last second, to all browsers that show the web page. Does
     /// nothing if the page is off.
     pub(super) fn publish_vitals(&self, vitals: &Vitals) {
@@ -164,10 +178,8 @@ impl Listeners {
         for name in self.midi.connected_ports() {
             terminal::print_line(&format!("listening midi {name}"));
         }
-        self.clocks
-            .lines()
-            .iter()
-            .for_each(|line| terminal::print_line(line));
+        let lines = self.clocks.lines().into_iter().chain(self.dmx.lines());
+        lines.for_each(|line| terminal::print_line(&line));
         if let Some(page) = &self.page {
             terminal::print_line(&format!("listening page {}", page.local_addr()));
             print_page(page);

@@ -38,6 +38,7 @@ use crate::audio::ltc_feed::LtcFeed;
 use crate::clock::art_net::ArtNetInputError;
 use crate::clock::out::ClockOutError;
 use crate::config::Config;
+use crate::dmx::DmxError;
 use crate::midi::MidiError;
 use crate::osc::input::OscInError;
 use crate::osc::motion_in::MotionInError;
@@ -109,9 +110,12 @@ pub enum DaemonError {
     /// A MIDI port cannot be used.
     #[error(transparent)]
     Midi(#[from] MidiError),
-    /// Art-Net timecode cannot be received.
+    /// Art-Net cannot be received.
     #[error(transparent)]
     ArtNet(#[from] ArtNetInputError),
+    /// DMX cannot be received.
+    #[error(transparent)]
+    Dmx(#[from] DmxError),
     /// A clock output cannot be opened.
     #[error(transparent)]
     ClockOut(#[from] ClockOutError),

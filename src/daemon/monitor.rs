@@ -116,7 +116,7 @@ impl Monitor {
             self.vitals.set_timecode(display::vitals(source, &status));
             display::warn(&self.warnings, source, &status);
         }
-        if let Some(vitals) = self.vitals.collect() {
+        if let Some(vitals) = self.vitals.collect(listeners.dmx()) {
             listeners.publish_vitals(vitals);
         }
         self.fault_log.update(is_over);

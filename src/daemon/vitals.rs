@@ -1,15 +1,16 @@
-//! Vitals: lateness, outputs, performers, input and last messages of a show, collected once a second.
+//! Vitals: lateness, outputs, performers, DMX, input and last messages of a show, collected once a second.
 //! In: lateness, counters of the outputs and motion inputs, last messages. Out: [`Vitals`]. Thread: main.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use crate::audio::input::diagnosis::InputDiagnosis;
+use crate::dmx::{Counts, DmxInputs, Settings as DmxSettings, SourceState};
 use crate::osc::output::{self, Output, OutputCounter};
 use crate::rt::last_messages::LastMessages;
 use crate::web::Vitals;
 use crate::web::calibration::LiveCalibration;
-use crate::web::vitals::{OutputVitals, PerformerState, PerformerVitals, TimecodeVitals};
+use crate::web::vitals::{DmxVitals, OutputVitals, PerformerVitals, SenderState, TimecodeVitals};
 
 use super::lateness::Lateness;
 use super::listeners::ListenerContext;
@@ -48,6 +49,8 @@ pub(super) struct VitalsCollector {
     counters: Vec<(Arc<OutputCounter>, u64)>,
     /// The motion input of each performer, with its number of poses at the last collection.
     performers: Vec<(PerformerInput, u64)>,
+    /// Number of DMX packets of each DMX input at the last collection.
+    dmx_packets: Vec<u64>,
     last_messages: Arc<LastMessages>,
     calibration: LiveCalibration,
     diagnosis: InputDiagnosis,
@@ -70,6 +73,7 @@ impl VitalsCollector {
         let mut collector = Self {
             counters: Vec::new(),
             performers: performers.into_iter().map(|input| (input, 0)).collect(),
+            dmx_packets: Vec::new(),
             last_messages: context.cues.last_messages().clone(),
             calibration: context.calibration.clone(),
             diagnosis: InputDiagnosis::default(),
@@ -118,8 +122,8 @@ impl VitalsCollector {
     }
 
     /// Collects and returns the vitals if a second has passed since the last collection; otherwise
-    /// `None`.
-    pub(super) fn collect(&mut self) -> Option<&Vitals> {
+    /// `None`. `dmx` are the DMX inputs.
+    pub(super) fn collect(&mut self, dmx: &DmxInputs) -> Option<&Vitals> {
         let now = Instant::now();
         if now < self.next {
             return None;
@@ -133,6 +137,12 @@ impl VitalsCollector {
         let performers = self.performers.iter_mut();
         self.vitals.performers = performers
             .map(|(input, before)| performer_vitals(input, before, now))
+            .collect();
+        let counts: Vec<_> = dmx.counts().collect();
+        self.dmx_packets.resize(counts.len(), 0);
+        let counts = counts.into_iter().zip(&mut self.dmx_packets);
+        self.vitals.dmx = counts
+            .map(|((settings, counts), before)| dmx_vitals(settings, counts, before))
             .collect();
         for (number, output) in self.vitals.outputs.iter_mut().enumerate() {
             output.offset_ms = self.calibration.offset_ms(number);
@@ -163,12 +173,31 @@ fn performer_vitals(input: &PerformerInput, before: &mut u64, now: Instant) -> P
         listen: input.listen.to_string(),
         sender: received.sender.map(|sender| sender.to_string()),
         state: match age {
-            None => PerformerState::Waiting,
-            Some(age) if age.as_secs_f64() <= LOST_AFTER.0 => PerformerState::Live,
-            Some(_) => PerformerState::Lost,
+            None => SenderState::Waiting,
+            Some(age) if age.as_secs_f64() <= LOST_AFTER.0 => SenderState::Live,
+            Some(_) => SenderState::Lost,
         },
         poses: received.poses - std::mem::replace(before, received.poses),
         age_ms: age.map(|age| age.as_secs_f64() * 1000.0),
         faults: received.faults,
+    }
+}
+
+/// Returns the vitals of the DMX input with these `settings` and `counts`. `before` is the number of
+/// packets at the last collection; it becomes the present number.
+fn dmx_vitals(settings: &DmxSettings, counts: Counts, before: &mut u64) -> DmxVitals {
+    DmxVitals {
+        protocol: settings.protocol.to_string(),
+        universe: settings.universe,
+        listen: settings.places(),
+        packets: counts.packets - std::mem::replace(before, counts.packets),
+        ignored: counts.ignored,
+        lost: counts.lost,
+        source: counts.source,
+        state: match counts.state {
+            SourceState::Waiting => SenderState::Waiting,
+            SourceState::Live => SenderState::Live,
+            SourceState::Lost => SenderState::Lost,
+        },
     }
 }

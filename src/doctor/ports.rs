@@ -9,6 +9,7 @@ use listeners::{Listener, Protocol, SocketState};
 use super::page::Line;
 use super::privacy::Privacy;
 use crate::config::Config;
+use crate::dmx;
 use crate::rt::system::udp;
 use crate::web::DEFAULT_LISTEN;
 
@@ -41,7 +42,34 @@ pub(super) fn lines(privacy: &Privacy) -> Vec<Line> {
 
 /// Returns the state of the ports of the show with the settings `config`.
 pub(super) fn of_show(config: &Config, privacy: &Privacy) -> Vec<Line> {
-    own_ports(config, &listeners::get_all().ok(), privacy)
+    let programs = listeners::get_all().ok();
+    let mut lines = own_ports(config, &programs, privacy);
+    lines.extend(
+        config
+            .dmx_in
+            .iter()
+            .flat_map(|input| dmx(input, &programs, privacy)),
+    );
+    lines
+}
+
+/// Returns the universe of a DMX input and where it arrives. Programs share the port of sACN, so only
+/// that of Art-Net can be taken.
+fn dmx(input: &dmx::Settings, programs: &Programs, privacy: &Privacy) -> Vec<Line> {
+    let (protocol, universe) = (input.protocol, input.universe);
+    let places = privacy.clean(&input.places());
+    let universe = Line::fact("DMX", format!("{protocol} universe {universe} at {places}"));
+    let port = input
+        .listen_addr()
+        .filter(|_| protocol == dmx::Protocol::ArtNet)
+        .map(|address| Port {
+            name: "DMX",
+            key: "dmx_in.listen",
+            address,
+            protocol: Protocol::UDP,
+        });
+    let port = port.map(|port| port.line(programs, privacy));
+    std::iter::once(universe).chain(port).collect()
 }
 
 fn own_ports(config: &Config, programs: &Programs, privacy: &Privacy) -> Vec<Line> {
@@ -188,6 +216,29 @@ mod tests {
         assert!(vrchat.contains("--osc=9100:127.0.0.1:9101"), "{vrchat}");
         drop(taken);
         assert_eq!(line(None), format!("UDP port {number} is free"));
+    }
+
+    #[test]
+    fn universes_are_listed_and_a_taken_port_of_art_net_names_its_key() {
+        let taken = udp::bind("127.0.0.1:0").unwrap();
+        let address = taken.local_addr().unwrap();
+        let input = |protocol| dmx::Settings {
+            protocol,
+            universe: 20,
+            listen: address.to_string(),
+            ..dmx::Settings::default()
+        };
+        let lines = |protocol| dmx(&input(protocol), &None, &Privacy::default());
+        let sacn = lines(dmx::Protocol::Sacn);
+        assert!(
+            matches!(&sacn[..], [Line::Fact("DMX", text)] if text.starts_with("sacn universe 20 at")),
+            "{sacn:?}"
+        );
+        let art_net = lines(dmx::Protocol::ArtNet);
+        assert!(
+            matches!(&art_net[1], Line::Problem(text) if text.contains("set dmx_in.listen")),
+            "{art_net:?}"
+        );
     }
 
     #[test]

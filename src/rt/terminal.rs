@@ -47,6 +47,15 @@ pub fn print_json(json: &str) -> io::Result<()> {
     writeln!(io::stdout().lock(), "{escaped}")
 }
 
+/// Writes `bytes`, the content of a file, on standard output as they are. The caller makes sure that
+/// standard output is not a terminal.
+///
+/// # Errors
+/// Standard output cannot be written.
+pub fn print_file(bytes: &[u8]) -> io::Result<()> {
+    io::stdout().lock().write_all(bytes)
+}
+
 /// Prints `line` and a line feed on standard output. Errors, such as a closed standard output, are
 /// ignored.
 pub fn print_line(line: &str) {

@@ -10,7 +10,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Paragraph, Wrap};
 
 use super::keys::{PAD_KEYS, TEMPO_KEYS};
-use super::message::{State, Timecode};
+use super::message::{DmxInput, State, Timecode};
 use super::show_view::{Connection, LENGTHS, MODES, Pad, STARTS, ShowView};
 
 /// Width of the bar of a level meter, in characters.
@@ -282,6 +282,26 @@ fn warnings(view: &ShowView, state: &State) -> Vec<Line<'static>> {
     lines
 }
 
+/// Returns a line about a DMX input.
+fn dmx(input: &DmxInput) -> Line<'static> {
+    let (protocol, universe) = (&input.protocol, input.universe);
+    let text = match &input.source {
+        Some(source) => format!(
+            "{protocol} {universe} from {source}: {} packets/s",
+            input.packets
+        ),
+        None => format!("{protocol} {universe}: nothing arrives at {}", input.listen),
+    };
+    let mut spans = vec![caption("DMX"), text.into()];
+    if input.state == "lost" {
+        spans.push(", lost".yellow());
+    }
+    if input.ignored > 0 {
+        spans.push(format!(", {} ignored", input.ignored).yellow());
+    }
+    Line::from(spans)
+}
+
 fn machine(view: &ShowView) -> Vec<Line<'static>> {
     let vitals = &view.vitals;
     let late = format!(
@@ -321,6 +341,7 @@ fn machine(view: &ShowView) -> Vec<Line<'static>> {
         }
         lines.push(Line::from(spans));
     }
+    lines.extend(vitals.dmx.iter().map(dmx));
     lines.extend(vitals.timecode.as_deref().map(timecode));
     for (what, last) in [("OSC", &vitals.osc), ("MIDI", &vitals.midi)] {
         lines.push(Line::from(vec![

@@ -131,6 +131,8 @@ pub struct Vitals {
     pub outputs: Vec<Output>,
     /// State of each live performer, in the order of the show file.
     pub performers: Vec<LivePerformer>,
+    /// State of each DMX input.
+    pub dmx: Vec<DmxInput>,
     /// State of the timecode that leads the cue list; `None` if the show has no timecode.
     pub timecode: Option<Box<Timecode>>,
     /// Current problems of the sound of the audio input.
@@ -173,6 +175,27 @@ pub struct LivePerformer {
     pub poses: u64,
     /// Number of datagrams and messages that were ignored, since the start of the show.
     pub faults: u64,
+}
+
+/// The state of one DMX input over the last second; see
+/// [`DmxVitals`](crate::web::vitals::DmxVitals).
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(default)]
+pub struct DmxInput {
+    /// Protocol, as written in the show file.
+    pub protocol: String,
+    /// The universe.
+    pub universe: u16,
+    /// Network addresses at which the levels arrive.
+    pub listen: String,
+    /// Name of the source; `None` if none has appeared.
+    pub source: Option<String>,
+    /// `waiting`, `live` or `lost`.
+    pub state: String,
+    /// Number of packets that arrived in the last second.
+    pub packets: u64,
+    /// Number of packets that were ignored, since the start of the show.
+    pub ignored: u64,
 }
 
 /// The state of the timecode that leads the cue list; see
@@ -260,7 +283,7 @@ mod tests {
                 performers: vec![web::vitals::PerformerVitals {
                     listen: "127.0.0.1:39540".into(),
                     sender: Some("127.0.0.1:5000".into()),
-                    state: web::vitals::PerformerState::Live,
+                    state: web::vitals::SenderState::Live,
                     poses: 60,
                     ..web::vitals::PerformerVitals::default()
                 }],

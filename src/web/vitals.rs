@@ -34,6 +34,8 @@ pub struct Vitals {
     pub outputs: Vec<OutputVitals>,
     /// State of each live performer, in the order of the show file.
     pub performers: Vec<PerformerVitals>,
+    /// State of each DMX input, in the order of the show file.
+    pub dmx: Vec<DmxVitals>,
     /// State of the timecode that leads the cue list; `None` if the show has no timecode.
     pub timecode: Option<TimecodeVitals>,
     /// Colours of the groups of pads, `#rrggbb`; a group without an entry has a default colour.
@@ -70,13 +72,34 @@ pub struct PerformerVitals {
     /// has sent yet.
     pub sender: Option<String>,
     /// Whether the performer's program sends.
-    pub state: PerformerState,
+    pub state: SenderState,
     /// Number of poses that arrived in the last second.
     pub poses: u64,
     /// Age of the last pose, milliseconds; `None` before the first one.
     pub age_ms: Option<f64>,
     /// Number of datagrams and messages that were ignored, since the start of the show.
     pub faults: u64,
+}
+
+/// The state of one DMX input over the last second.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct DmxVitals {
+    /// Protocol, as written in the show file.
+    pub protocol: String,
+    /// The universe.
+    pub universe: u16,
+    /// Network addresses at which the levels arrive.
+    pub listen: String,
+    /// Name of the source that appeared last, or its network address; `None` if none has appeared.
+    pub source: Option<String>,
+    /// Whether a source sends.
+    pub state: SenderState,
+    /// Number of packets that arrived in the last second.
+    pub packets: u64,
+    /// Number of packets that were ignored, since the start of the show.
+    pub ignored: u64,
+    /// Number of sources that were lost, since the start of the show.
+    pub lost: u64,
 }
 
 /// The state of the timecode that leads the cue list.
@@ -98,16 +121,16 @@ pub struct TimecodeVitals {
     pub engaged: bool,
 }
 
-/// Whether the program of a live performer sends poses.
+/// Whether the program of a live performer sends poses, or a source of DMX sends levels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum PerformerState {
-    /// No pose has arrived yet.
+pub enum SenderState {
+    /// Nothing has arrived yet.
     #[default]
     Waiting,
-    /// Poses arrive.
+    /// Poses or levels arrive.
     Live,
-    /// Poses have arrived, but none for so long that the dancer dances alone.
+    /// Something has arrived, but nothing now: the dancer dances alone, or the last levels stay.
     Lost,
 }
 
@@ -128,6 +151,8 @@ impl Vitals {
     /// "outputs":[{"kind":"vmc","to":"HOST:PORT","offset_ms":x,"sent":n per second,"failed":n},…],
     /// "performers":[{"dancer":name,"listen":"HOST:PORT","sender":"HOST:PORT"|null,
     /// "state":"waiting"|"live"|"lost","poses":n per second,"age_ms":x|null,"faults":n},…],
+    /// "dmx":[{"protocol":"sacn","universe":n,"listen":text,"source":name|null,
+    /// "state":"waiting"|"live"|"lost","packets":n per second,"ignored":n,"lost":n},…],
     /// "timecode":{"source":"ltc:2","state":"waiting"|"locked"|"standing"|"freewheel"|"lost",
     /// "frame":"01:00:00:00"|null,"rate":"25"|null,"speed":x,"song":seconds|null,"engaged":bool}|null,
     /// "colours":{group:"#rrggbb",…},"osc":"/cue/salsa 1"|null,"midi":"note 36

@@ -22,6 +22,7 @@ mod remedies;
 mod render;
 mod report;
 mod run_cues;
+mod surface;
 
 /// The root of the repository.
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");

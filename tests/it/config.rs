@@ -42,7 +42,7 @@ fn the_reference_names_every_key() {
         &toml::Value::try_from(Config::default()).unwrap(),
         &mut there,
     );
-    there.retain(|key| !["midi", "clock_out", "motion_in"].contains(&key.as_str()));
+    there.retain(|key| !["midi", "dmx_in", "clock_out", "motion_in"].contains(&key.as_str()));
     written.sort();
     there.sort();
     assert_eq!(written, there);
@@ -256,6 +256,67 @@ fn a_performer_needs_an_input_of_its_own_and_a_dancer() {
     ] {
         let found = problems(text).join("\n");
         assert!(found.contains(wanted), "{text}: {found}");
+    }
+}
+
+#[test]
+fn dmx_inputs_are_read_and_their_problems_have_lines() {
+    let text = "[[dmx_in]]\nuniverse = 20\ninterface = \"10.0.0.1\"\n[[dmx_in.patch]]\nchannel = 1\nlabels = [\"salsa\", \"pop\"]\n\
+                [[dmx_in.patch]]\nchannel = 2\nlabel = \"!intensity\"\n[[dmx_in]]\nprotocol = \"art-net\"\nuniverse = 0\nlisten = \"0.0.0.0\"\n";
+    let show = Config::parse("show.toml", text).unwrap();
+    assert_eq!(
+        (show.dmx_in.len(), show.dmx_in[0].patch.len()),
+        (2, 2),
+        "{:?}",
+        show.dmx_in
+    );
+    let listen = show.dmx_in[1].listen_addr().unwrap();
+    assert_eq!(listen.to_string(), "0.0.0.0:6454");
+    let mut missing = Vec::new();
+    show.check_labels(&["salsa".to_owned()], &mut missing);
+    assert!(
+        missing[0].starts_with("dmx_in 1.patch 1 asks for the label \"pop\""),
+        "{missing:?}"
+    );
+    for (wrong, part) in [
+        (
+            "universe = 0",
+            "show.toml:2: dmx_in 1.universe is 0; for \"sacn\" it must be from 1 to 63999",
+        ),
+        (
+            "protocol = \"art-net\"\nuniverse = 32768",
+            "show.toml:3: dmx_in 1.universe is 32768; for \"art-net\" it must be from 0 to 32767",
+        ),
+        (
+            "listen = \"here\"",
+            "show.toml:2: dmx_in 1.listen is \"here\"; it must be an IP address",
+        ),
+        (
+            "interface = \"eth0\"",
+            "show.toml:2: dmx_in 1.interface is \"eth0\"; it must be an IPv4 address",
+        ),
+        (
+            "protocol = \"art-net\"\ninterface = \"10.0.0.1\"",
+            "show.toml:3: dmx_in 1.interface is \"10.0.0.1\", but Art-Net has no multicast",
+        ),
+        (
+            "[[dmx_in.patch]]\nchannel = 1\nlabels = [\"a\"]\n[[dmx_in.patch]]\nchannel = 1\nfrom = 19\nlabel = \"b\"",
+            "show.toml:5: dmx_in 1.patch 2 has the levels 19 to 255 of channel 1, which overlap 10 to 19 of dmx_in 1.patch 1",
+        ),
+        (
+            "[[dmx_in.patch]]\nchannel = 600\nlabel = \"a\"",
+            "show.toml:2: dmx_in 1.patch 1.channel is 600; it must be from 1 to 512",
+        ),
+        (
+            "[[dmx_in]]",
+            "show.toml:2: dmx_in 2.universe is 1 of sacn again: move its patch to dmx_in 1",
+        ),
+    ] {
+        let found = problems(&format!("[[dmx_in]]\n{wrong}\n"));
+        assert!(
+            found.len() == 1 && found[0].contains(part),
+            "{wrong}: {found:#?}"
+        );
     }
 }
 

@@ -8,6 +8,7 @@ mod common;
 mod audio_realtime;
 mod audio_track;
 mod beat_long;
+mod chataigne;
 mod clips_file;
 mod config;
 mod energy;

@@ -7,6 +7,8 @@
 //! | `TempoLost` | continues at the last tempo until the source is back or another is selected |
 //! | `BadOsc`, `BadMidi`, `BadPage` | ignores the message |
 //! | `BadTimecode` | ignores the packet or the frame; the cue list goes on |
+//! | `BadDmx` | ignores the packet |
+//! | `DmxLost` | keeps the last levels and warns |
 //! | `UnknownLabel` | ignores the cue |
 //! | `CueDropped` | dances on without the cue: the queue was full or the label out of reach |
 //! | `LateTick` | skips to the next deadline and never catches up by a burst |
@@ -56,6 +58,10 @@ faults! {
     BadPage = "bad page messages",
     /// A packet or frame of timecode was malformed, or a single frame was far from the others.
     BadTimecode = "bad timecode",
+    /// A packet of sACN or Art-Net was malformed.
+    BadDmx = "bad DMX packets",
+    /// A source of DMX stopped sending without ending its stream.
+    DmxLost = "DMX sources lost",
     /// A cue named a label that no clip of the motion graph has.
     UnknownLabel = "cues for unknown labels",
     /// A cue was dropped: the cue queue was full, too many cues were waiting, or the label could

@@ -1,10 +1,9 @@
-//! Clock outputs: the beat of the show as MIDI clock or as OSC messages. In: the tempo of the show.
-//! Out: start, stop and 24 pulses per beat.
+//! Clock outputs: the beat of the show as MIDI clock, as OSC messages, or in the protocol of another
+//! program. In: the tempo of the show. Out: start, stop and 24 pulses per beat.
 //!
 //! Thread: JACK's own for JACK ports, which writes each pulse into its frame; a thread "clock" for
 //! each other output. None of them blocks the show.
 
-use std::net::{SocketAddr, UdpSocket};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -15,10 +14,9 @@ use triple_buffer::Output;
 
 use super::midi_in;
 use crate::midi::{self, Backend, MidiError};
-use crate::osc::output;
 use crate::rt::show_clock::ShowClock;
 use crate::rt::worker::{StopSignal, Worker};
-use corybant_core::fault::{Fault, Faults};
+use corybant_core::fault::Faults;
 use corybant_core::show::status::TempoState;
 use corybant_core::time::Seconds;
 
@@ -26,9 +24,17 @@ use corybant_core::time::Seconds;
 mod jack;
 pub mod messages;
 pub mod metronome;
+mod os2l;
+mod preset;
+mod sink;
+mod template;
+mod wled;
 
-use messages::BeatMessages;
 use metronome::{ClockEvent, Metronome};
+pub use preset::Preset;
+use sink::ClockSink;
+use template::MESSAGES_MAX;
+pub use template::{Argument, MessageTemplate, When};
 
 /// Prefix of the value of the setting `to` of a clock output. It selects an OSC receiver.
 const OSC_PREFIX: &str = "osc:";
@@ -44,32 +50,35 @@ const SLEEP_MAX: Duration = Duration::from_millis(4);
 pub struct Settings {
     /// Receiver of the beat: `system:PORT` or `jack:PORT` for a MIDI port, or `osc:HOST:PORT` for
     /// an OSC receiver. With `jack:` and no port name, the user connects the clock's port in
-    /// another program.
+    /// another program. With a preset, `HOST:PORT`, or empty for the usual receiver.
     pub to: String,
+    /// Program whose protocol is used; `None` for MIDI clock and for Corybant's own OSC messages.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub preset: Option<Preset>,
     /// Time by which the clock is sent before the sound, in milliseconds, -500..=500. Negative
     /// values send the clock after the sound.
     pub offset_ms: i32,
+    /// OSC messages instead of Corybant's own; empty for those.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub message: Vec<MessageTemplate>,
 }
 
 impl Settings {
     /// Adds a sentence to `problems` for each invalid value of these settings. `key` is the path of
     /// the settings in the show file.
     pub fn check(&self, key: &str, problems: &mut Vec<String>) {
-        let is_receiver = |to: &str| {
-            to.rsplit_once(':').is_some_and(|(host, port)| {
-                !host.is_empty() && port.parse().is_ok_and(|port: u16| port > 0)
-            })
-        };
-        if !self
-            .to
-            .strip_prefix(OSC_PREFIX)
-            .map_or_else(|| midi_in::parse_port(&self.to).is_some(), is_receiver)
-        {
+        match self.preset {
+            Some(_) => self.check_preset(key, problems),
+            None => self.check_receiver(key, problems),
+        }
+        if self.message.len() > MESSAGES_MAX {
             problems.push(format!(
-                "{key}.to is {:?}; it must be \"system:PORT\" or \"jack:PORT\" with a MIDI port's name or a part of it, \"jack:\" to wait for a \
-                 connection, or \"osc:HOST:PORT\".",
-                self.to
+                "{key}.message has {} messages; at most {MESSAGES_MAX} are allowed.",
+                self.message.len()
             ));
+        }
+        for (number, message) in (1..).zip(&self.message) {
+            message.check(&format!("{key}.message {number}"), problems);
         }
         if self.offset_ms.abs() > OFFSET_MS_MAX {
             problems.push(format!(
@@ -78,6 +87,52 @@ impl Settings {
             ));
         }
     }
+
+    fn check_preset(&self, key: &str, problems: &mut Vec<String>) {
+        if !self.to.is_empty() && !is_receiver(self.network_receiver()) {
+            problems.push(format!(
+                "{key}.to is {:?}; with a preset it must be HOST:PORT, or \"\" for the usual receiver.",
+                self.to
+            ));
+        }
+        if !self.message.is_empty() {
+            problems.push(format!(
+                "{key} has a preset and messages; leave the preset out and write all messages, or the messages."
+            ));
+        }
+    }
+
+    fn check_receiver(&self, key: &str, problems: &mut Vec<String>) {
+        let is_osc = self.to.strip_prefix(OSC_PREFIX).map(is_receiver);
+        if !is_osc.unwrap_or_else(|| midi_in::parse_port(&self.to).is_some()) {
+            problems.push(format!(
+                "{key}.to is {:?}; it must be \"system:PORT\" or \"jack:PORT\" with a MIDI port's name or a part of it, \"jack:\" to wait for a \
+                 connection, or \"osc:HOST:PORT\".",
+                self.to
+            ));
+        }
+        if !self.message.is_empty() && is_osc.is_none() {
+            problems.push(format!(
+                "{key} has messages, which are OSC; {key}.to must be \"osc:HOST:PORT\"."
+            ));
+        }
+    }
+
+    /// Returns the receiver on the network as `HOST:PORT`; empty for one that a search finds.
+    fn network_receiver(&self) -> &str {
+        let usual = self.preset.map_or("", Preset::receiver);
+        match self.to.strip_prefix(OSC_PREFIX).unwrap_or(&self.to) {
+            "" => usual,
+            to => to,
+        }
+    }
+}
+
+/// Returns true if `to` has the form `HOST:PORT` with a port other than 0.
+fn is_receiver(to: &str) -> bool {
+    to.rsplit_once(':').is_some_and(|(host, port)| {
+        !host.is_empty() && port.parse().is_ok_and(|port: u16| port > 0)
+    })
 }
 
 /// The reasons why a clock output cannot be opened.
@@ -86,10 +141,10 @@ pub enum ClockOutError {
     /// The MIDI port of the clock output is missing or cannot be opened.
     #[error("clock_out: {0}")]
     Midi(#[from] MidiError),
-    /// The host of the OSC receiver is unknown, or no socket can be opened for the receiver.
+    /// The host of the receiver is unknown, or no socket can be opened for the receiver.
     #[error("clock_out: cannot send to {to}: {source}; check the host name and the network")]
     Osc {
-        /// The OSC receiver, `HOST:PORT`, as written in the show file.
+        /// The receiver, `HOST:PORT`, as written in the show file.
         to: String,
         /// The error of the operating system.
         source: std::io::Error,
@@ -142,7 +197,7 @@ impl ClockOut {
 ///
 /// # Errors
 /// [`ClockOutError::Midi`] if the MIDI port is missing or cannot be opened, [`ClockOutError::Osc`]
-/// if the OSC receiver is unknown, [`ClockOutError::Thread`] if the system cannot start a thread.
+/// if the receiver on the network is unknown, [`ClockOutError::Thread`] if the system cannot start a thread.
 pub fn open(
     settings: &Settings,
     tempo_state: Output<TempoState>,
@@ -154,32 +209,14 @@ pub fn open(
         clock,
         offset: Seconds(f64::from(settings.offset_ms) / 1000.0),
     };
-    if let Some(to) = settings.to.strip_prefix(OSC_PREFIX) {
-        let failed = |source| ClockOutError::Osc {
-            to: to.to_owned(),
-            source,
-        };
-        let address = output::resolve_address(to).map_err(failed)?;
-        let socket = output::open_socket_for(address).map_err(failed)?;
-        return start(
-            format!("osc {address}"),
-            tempo,
-            ClockSink::Osc {
-                socket,
-                to: address,
-                messages: BeatMessages::new(),
-                faults,
-            },
-        );
+    if settings.preset.is_some() || settings.to.starts_with(OSC_PREFIX) {
+        let (name, sink) = sink::open_network(settings, faults)?;
+        return start(name, tempo, sink);
     }
     match midi_in::parse_port(&settings.to).unwrap_or((Backend::System, &settings.to)) {
         (Backend::System, port) => {
             let (name, port) = open_system(port)?;
-            start(
-                format!("midi {name}"),
-                tempo,
-                ClockSink::Midi { port, faults },
-            )
+            start(format!("midi {name}"), tempo, ClockSink::midi(port, faults))
         }
         #[cfg(all(target_os = "linux", feature = "jack"))]
         (Backend::Jack, port) => {
@@ -204,42 +241,6 @@ fn open_system(port: &str) -> Result<(String, MidiOutputConnection), MidiError> 
             reason: error.to_string(),
         })?;
     Ok((name, connection))
-}
-
-/// The receiver of clock events: a MIDI port or an OSC receiver.
-enum ClockSink {
-    Midi {
-        port: MidiOutputConnection,
-        faults: Arc<Faults>,
-    },
-    Osc {
-        socket: UdpSocket,
-        to: SocketAddr,
-        messages: BeatMessages,
-        faults: Arc<Faults>,
-    },
-}
-
-impl ClockSink {
-    /// Sends the clock event `event`, whose show time is `time`. A failure counts as
-    /// [`Fault::SendFailed`].
-    fn send(&mut self, event: ClockEvent, tempo_state: &TempoState, time: Seconds) {
-        let sent = match self {
-            Self::Midi { port, .. } => port.send(event.byte().as_slice()).is_ok(),
-            Self::Osc {
-                socket,
-                to,
-                messages,
-                ..
-            } => messages
-                .encode(event, tempo_state, time)
-                .is_none_or(|datagram| socket.send_to(datagram, *to).is_ok()),
-        };
-        if !sent {
-            let (Self::Midi { faults, .. } | Self::Osc { faults, .. }) = self;
-            faults.count(Fault::SendFailed);
-        }
-    }
 }
 
 fn start(name: String, tempo: TempoInput, sink: ClockSink) -> Result<ClockOut, ClockOutError> {

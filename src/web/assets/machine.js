@@ -1,4 +1,4 @@
-// Machine status: lateness of poses, outputs, performers, timecode, last messages received. In: the show's vitals, once per second. Out: text on the page.
+// Machine status: lateness of poses, outputs, performers, DMX, timecode, last messages received. In: the show's vitals, once per second. Out: text on the page.
 
 // Highlight a lateness above this. A frame at 60 Hz lasts 16.7 ms.
 const LATE_MS = 8;
@@ -24,6 +24,14 @@ function performerRow({ dancer, listen, sender, state, poses, age_ms: age, fault
   return [Object.assign(document.createElement('dt'), { textContent: dancer }), text];
 }
 
+function dmxRow({ protocol, universe, listen, source, state, packets, ignored, lost }) {
+  const from = source ? `from ${source}` : `nothing arrives at ${listen}`;
+  const words = [state, from, source && `${packets} packets/s`, ignored > 0 && `${ignored} ignored`, lost > 0 && `source lost ${lost} times`];
+  const text = Object.assign(document.createElement('dd'), { textContent: words.filter(Boolean).join(', ') });
+  text.dataset.failing = state !== 'live';
+  return [Object.assign(document.createElement('dt'), { textContent: `${protocol} ${universe}` }), text];
+}
+
 function timecodeText({ source, state, frame, rate, song, engaged }) {
   const at = frame ? `${frame}${rate ? ` (${rate})` : ''}` : null;
   const place = song !== null && `song ${song.toFixed(1)} s`;
@@ -46,6 +54,8 @@ export function showMachine(vitals) {
   $('outputs').tBodies[0].replaceChildren(...vitals.outputs.map(row));
   $('performers').replaceChildren(...vitals.performers.flatMap(performerRow));
   $('performers').hidden = vitals.performers.length === 0;
+  $('dmx').replaceChildren(...vitals.dmx.flatMap(dmxRow));
+  $('dmx').hidden = vitals.dmx.length === 0;
   showTimecode(vitals.timecode);
   if (vitals.osc) $('last-osc').textContent = vitals.osc;
   if (vitals.midi) $('last-midi').textContent = vitals.midi;

@@ -43,12 +43,12 @@ const CRATES: [Crate; 5] = [
     Crate {
         folder: "src",
         modules: &[
-            "rt", "audio", "midi", "web", "osc", "clock", "tui", "config", "offline", "editor",
-            "daemon", "importer", "doctor", "cli",
+            "rt", "audio", "midi", "web", "osc", "clock", "dmx", "tui", "config", "surface",
+            "offline", "editor", "daemon", "importer", "doctor", "cli",
         ],
         worldly: &[
-            "rt", "audio", "midi", "web", "osc", "clock", "tui", "offline", "editor", "daemon",
-            "importer", "doctor", "main",
+            "rt", "audio", "midi", "web", "osc", "clock", "dmx", "tui", "offline", "editor",
+            "daemon", "importer", "doctor", "main",
         ],
     },
 ];

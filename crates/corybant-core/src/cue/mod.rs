@@ -11,12 +11,14 @@
 //! | `control_text` | `!nudge -10`: commands in MIDI maps, cue lists and page messages |
 //! | `osc` | OSC packets → cues |
 //! | `midi` | MIDI messages → cues, by a map |
+//! | `dmx` | levels of a lighting desk → cues, by a patch |
 //! | `launch`, `schedule` | how a label is launched, and which label is wanted on each beat |
 //! | `list`, `recorder` | cue lists: reading and writing them |
 //! | `take` | requests to record a live performer |
 //! | `labels` | label names in OSC addresses |
 
 pub mod control_text;
+pub mod dmx;
 pub mod labels;
 pub mod launch;
 pub mod list;

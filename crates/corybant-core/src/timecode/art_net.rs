@@ -17,18 +17,30 @@ const VERSION_MIN: u16 = 14;
 /// Number of bytes of the packet; longer packets are allowed, as for all packets of Art-Net.
 const LENGTH: usize = 19;
 
-/// The reasons why a datagram is no timecode.
+/// The reasons why a datagram is no timecode, or has no levels.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 pub enum ArtNetError {
     /// The datagram is not a packet of Art-Net.
     #[error("it is no Art-Net packet")]
     NoArtNet,
-    /// The packet of timecode is too short, or of an old version of the protocol.
-    #[error("it is shorter than 19 bytes or its version is below 14")]
+    /// The packet is too short or has wrong numbers in its header, or is of an old version of the
+    /// protocol.
+    #[error("it is too short, its header is wrong, or its version is below 14")]
     Malformed,
     /// The packet has an unknown frame rate or a frame that does not exist.
     #[error("its frame rate or its frame does not exist")]
     Frame,
+}
+
+/// Returns the operation code of an Art-Net packet, which tells its kind.
+///
+/// # Errors
+/// [`ArtNetError::NoArtNet`] if the datagram is not a packet of Art-Net.
+pub fn op_code(datagram: &[u8]) -> Result<u16, ArtNetError> {
+    match datagram.strip_prefix(ID) {
+        Some([low, high, ..]) => Ok(u16::from_le_bytes([*low, *high])),
+        _ => Err(ArtNetError::NoArtNet),
+    }
 }
 
 /// Returns the place in timecode of an Art-Net packet; `None` if it is a packet of Art-Net without
@@ -42,12 +54,10 @@ pub enum ArtNetError {
 /// # Errors
 /// [`ArtNetError`] if the datagram is malformed.
 pub fn parse(datagram: &[u8]) -> Result<Option<Place>, ArtNetError> {
-    let rest = datagram.strip_prefix(ID).ok_or(ArtNetError::NoArtNet)?;
-    match rest {
-        [low, high, ..] if u16::from_le_bytes([*low, *high]) != OP_TIME_CODE => return Ok(None),
-        [_, _, ..] => {}
-        _ => return Err(ArtNetError::NoArtNet),
+    if op_code(datagram)? != OP_TIME_CODE {
+        return Ok(None);
     }
+    let rest = datagram.get(ID.len()..).unwrap_or_default();
     let [
         _,
         _,

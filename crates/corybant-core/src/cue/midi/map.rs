@@ -187,7 +187,7 @@ impl Mapping {
 
 /// Returns the cue to send when a button is pressed or released; `None` if no cue is to be sent.
 /// `cue` is the cue of the button, and `velocity` is 1 to 127 for a press and 0 for a release.
-fn button(cue: Cue, velocity: u8) -> Option<Cue> {
+pub(in crate::cue) fn button(cue: Cue, velocity: u8) -> Option<Cue> {
     match cue {
         Cue::Dance(command) if velocity == 0 => command.on_release().map(Cue::Dance),
         Cue::Dance(DanceCommand::Launch(launch)) => {
