@@ -18,7 +18,7 @@
 //! | [`midi`] | MIDI controllers to cues; MIDI learn; LED feedback |
 //! | [`web`] | the page: HTTP server, access control, snapshots, messages, assets |
 //! | [`osc`] | OSC cues in, poses and feedback out, OSCQuery, announcement on the network |
-//! | [`clock`] | MIDI clock and Ableton Link in, clock outputs |
+//! | [`clock`] | MIDI clock, Ableton Link, MIDI timecode and Art-Net timecode in, clock outputs |
 //! | `tui` | `corybant top`: the show on a terminal (feature `tui`) |
 //! | [`config`] | show files to checked settings; the settings that need a restart |
 //! | [`offline`] | rehearsal, replay, dance files, motion directories, the planner's benchmark |
@@ -36,8 +36,9 @@
 //! | audio (the device's) | `audio` | copy samples into or out of a ring, increment counters | allocate, lock, log, wait, panic |
 //! | `show` | `daemon` | `Show::tick`; encode and send poses at absolute deadlines; a cue wakes it early | allocate after the start, use a file, block on a socket |
 //! | `poses-N` | `daemon` | with many outputs: compute, encode and send poses for the show thread | do anything else |
-//! | MIDI (the system's or JACK's) | `midi`, `clock` | MIDI messages to cues, MIDI clock to tempo messages; JACK's also sends LED messages and clock pulses | allocate, wait |
+//! | MIDI (the system's or JACK's) | `midi`, `clock` | MIDI messages to cues, MIDI clock to tempo messages, MIDI timecode to positions; JACK's also sends LED messages and clock pulses | allocate, wait |
 //! | `osc` | `osc` | OSC messages to timestamped cues in a bounded queue | make musical decisions |
+//! | `art-net` | `clock` | Art-Net timecode to positions with their times of arrival | delay the show |
 //! | `motion-in` | `osc` | a live performer's VMC messages to the latest pose for the show | delay the show |
 //! | `osc-feedback` | `osc` | send the show's changes to control surfaces, 30 times a second | delay the show |
 //! | `page`, `oscquery` | `web`, `osc` | serve the page and OSCQuery: read the latest state, send cues | delay the show |

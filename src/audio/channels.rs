@@ -27,6 +27,8 @@ struct Inner {
     frames: AtomicU64,
     /// Number of times that the choice of the channels to mix has changed so far.
     version: AtomicU32,
+    /// Number of the channel that carries timecode, counted from 1; 0 if there is none.
+    timecode: AtomicU32,
     chosen: [AtomicBool; CHANNELS_MAX as usize],
     /// Largest absolute sample of each channel, indexed by channel number - 1, as the bits of an
     /// `f32`. For floats >= 0, a larger value has larger bits, so peaks can be compared as
@@ -59,6 +61,7 @@ impl Channels {
             rate_hz: AtomicU32::new(0),
             frames: AtomicU64::new(0),
             version: AtomicU32::new(0),
+            timecode: AtomicU32::new(0),
             chosen: [const { AtomicBool::new(false) }; CHANNELS_MAX as usize],
             peaks: [const { AtomicU32::new(0) }; CHANNELS_MAX as usize],
             runs: [const { AtomicU32::new(0) }; CHANNELS_MAX as usize],
@@ -95,8 +98,33 @@ impl Channels {
             .is_some_and(|flag| flag.load(Ordering::Relaxed))
     }
 
-    /// Returns a number that increases with each call of [`Channels::choose`], so that a reader
-    /// notices a new choice.
+    /// Sets the number of the channel that carries timecode, counted from 1; `None` if there is none.
+    /// If no channels are chosen, this channel is left out of the mix.
+    pub fn set_timecode(&self, number: Option<u16>) {
+        let number = number.unwrap_or_default();
+        self.0.timecode.store(number.into(), Ordering::Relaxed);
+        self.0.version.fetch_add(1, Ordering::Release);
+    }
+
+    /// Returns the number of the channel that carries timecode, counted from 1; `None` if there is
+    /// none.
+    pub fn timecode(&self) -> Option<u16> {
+        let number = self.0.timecode.load(Ordering::Relaxed);
+        u16::try_from(number).ok().filter(|&number| number > 0)
+    }
+
+    /// Returns true if the channel `number` is mixed, if the mix is made of at least one channel
+    /// like it: chosen, or any channel without timecode if none was chosen.
+    pub fn is_mixed(&self, number: u16) -> bool {
+        let is_chosen = |number| self.is_chosen(number);
+        match (1..=CHANNELS_MAX).any(is_chosen) {
+            true => self.is_chosen(number),
+            false => self.timecode().is_some_and(|timecode| number != timecode),
+        }
+    }
+
+    /// Returns a number that increases with each new choice of channels, so that a reader notices
+    /// it.
     pub fn version(&self) -> u32 {
         self.0.version.load(Ordering::Acquire)
     }

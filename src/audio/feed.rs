@@ -94,6 +94,11 @@ impl FileFeed {
         self.position = (at.0 * f64::from(SAMPLE_RATE)).round() as u64;
     }
 
+    /// Returns the number of samples that were read or skipped so far.
+    pub fn position(&self) -> u64 {
+        self.position
+    }
+
     /// Returns true if the sound is empty, or if it is not looped and its last sample has been
     /// read.
     pub fn is_done(&self) -> bool {

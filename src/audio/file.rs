@@ -129,6 +129,15 @@ pub fn decode(path: &Path) -> Result<Sound, AudioFileError> {
 /// # Errors
 /// [`AudioFileError`] if the file is missing, not audio, empty or too long.
 pub fn decode_within(path: &Path, minutes: u64) -> Result<Sound, AudioFileError> {
+    decode_channels(path, &[], minutes)
+}
+
+/// Decodes the channels `chosen` of an audio file, counted from 1, as [`decode_within`] does; an
+/// empty list means all.
+///
+/// # Errors
+/// [`AudioFileError`] if the file is missing, not audio, empty or too long.
+pub fn decode_channels(path: &Path, chosen: &[u16], minutes: u64) -> Result<Sound, AudioFileError> {
     // Some damaged headers make the decoders panic; a file must not end the program.
     let panicked = |_| {
         Err(AudioFileError::NotSound {
@@ -138,6 +147,7 @@ pub fn decode_within(path: &Path, minutes: u64) -> Result<Sound, AudioFileError>
     };
     let sound = catch_panic(|| {
         let mut decoder = Decoder::open(path, minutes)?;
+        decoder.chosen = chosen.into();
         while decoder.process_packet()? {}
         decoder.finish()
     });
@@ -192,6 +202,8 @@ struct PacketFormat {
 struct Decoder {
     path: PathBuf,
     minutes_max: u64,
+    /// Channels that are mixed, counted from 1; empty for all.
+    chosen: Vec<u16>,
     format: Box<dyn FormatReader>,
     track: u32,
     decoder: Box<dyn AudioDecoder>,
@@ -242,6 +254,7 @@ impl Decoder {
         Ok(Self {
             path: path.into(),
             minutes_max,
+            chosen: Vec::new(),
             format,
             track,
             decoder,
@@ -358,7 +371,7 @@ impl Decoder {
         self.packet_format = Some(PacketFormat {
             rate_hz,
             channels,
-            mix: Mix::new(channels, &[]),
+            mix: Mix::new(channels, &self.chosen),
             resampler,
         });
         Ok(())

@@ -6,6 +6,7 @@ pub mod channels;
 pub mod feed;
 pub mod file;
 pub mod input;
+pub mod ltc_feed;
 pub mod output;
 pub mod resample;
 pub mod wav;

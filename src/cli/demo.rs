@@ -9,7 +9,7 @@ use crate::audio;
 use crate::audio::feed::FileFeed;
 use crate::audio::wav::wav;
 use crate::config::Config;
-use crate::daemon::{self, Recordings, Samples, ShowInputs};
+use crate::daemon::{self, LedSong, Recordings, Samples, ShowInputs};
 use crate::osc::output::{self, Kind};
 use crate::rt::warnings::Warnings;
 use corybant_core::cue::list::CueList;
@@ -70,6 +70,7 @@ pub(super) fn demo(args: &DemoArgs) -> Outcome {
     let inputs = ShowInputs {
         samples,
         cue_list: CueList::default(),
+        song: LedSong::default(),
         recordings: Recordings::default(),
         faults: Arc::default(),
         warnings: Warnings::default(),

@@ -11,20 +11,26 @@ use crate::audio::feed::FileFeed;
 use crate::audio::file;
 use crate::audio::input::devices::{self, DEFAULT, OUTPUT};
 use crate::audio::input::{self, DeviceError, FILE_PREFIX};
+use crate::audio::ltc_feed::LtcFeed;
 use crate::config::{Config, ConfigError};
 use crate::daemon::setup::Setup;
-use crate::daemon::{self, CueRecording, Recorder, Recordings, Samples, ShowInputs};
+use crate::daemon::{self, CueRecording, LedSong, Recorder, Recordings, Samples, ShowInputs};
 use crate::rt::warnings::Warnings;
 use corybant_core::beat::offline;
+use corybant_core::beat::tracker::{BeatSource, BeatTracker};
 use corybant_core::cue::list::CueList;
+use corybant_core::cue::list::lead::SongBeats;
 use corybant_core::dsp::SAMPLE_RATE;
 use corybant_core::fault::Faults;
 use corybant_core::show::Cast;
-use corybant_files::Places;
+use corybant_core::tempo::source::TempoSource;
+use corybant_core::timecode::settings::Source;
+use corybant_files::{Places, shown};
 
 use super::inputs::files::add_show_inputs;
 use super::inputs::{
-    check_labels, find_cast, graph_files, lines_in_file, read_config, read_cue_list,
+    check_labels, find_cast, graph_files, lines_in_file, locate_beat_error, read_beats,
+    read_config, read_cue_list,
 };
 use super::{Outcome, seconds, stop_on_signal};
 
@@ -45,6 +51,10 @@ pub(super) struct RunArgs {
     /// Cue list to play. If the input is a file, beat numbers count the song's own beats
     #[arg(long, value_name = "CUES.txt")]
     cues: Option<PathBuf>,
+    /// Text file with the beat times of the song in seconds, one per line, for a show that follows
+    /// timecode: the beats of the song and of its cue list
+    #[arg(long)]
+    beats: Option<PathBuf>,
     /// Stop after N seconds (more than 0) [default: until Ctrl-C]
     #[arg(long, value_name = "N", value_parser = seconds)]
     seconds: Option<f64>,
@@ -92,9 +102,21 @@ fn run_until(args: &RunArgs, stop: &Arc<AtomicBool>, setup: Option<&Arc<Setup>>)
     check_labels(args.show.as_deref(), &config, &cast)?;
     let recordings = recordings(args, &config, &cast)?;
     let (faults, warnings) = (Arc::new(Faults::default()), Warnings::default());
+    let (mut cue_list, beats) = led_list(args, &config, cast.pads())?;
+    let mut song = LedSong { beats, ltc: None };
     let samples = match config.audio.input.strip_prefix(FILE_PREFIX) {
-        Some(path) => Samples::File(FileFeed::new(file::decode(Path::new(path))?.samples, false)),
-        None => Samples::Device(Box::new(input::open(&config.audio, &faults, &warnings)?)),
+        Some(path) => {
+            let (feed, ltc) = file_feeds(Path::new(path), &config)?;
+            song.ltc = ltc;
+            Samples::File(feed)
+        }
+        None => {
+            let device = input::open(&config.audio, &faults, &warnings)?;
+            if let Source::Ltc(channel) = config.timecode.source {
+                device.channels().set_timecode(Some(channel));
+            }
+            Samples::Device(Box::new(device))
+        }
     };
     match &samples {
         Samples::File(_) | Samples::Played(_) => info!("audio input: {}", config.audio.input),
@@ -103,10 +125,13 @@ fn run_until(args: &RunArgs, stop: &Arc<AtomicBool>, setup: Option<&Arc<Setup>>)
             device.description().unwrap_or("none yet; waiting for one")
         ),
     }
-    let cue_list = song_cue_list(args, &config, cast.pads(), &samples)?;
+    if !config.timecode.is_on() {
+        cue_list = song_cue_list(args, &config, cast.pads(), &samples)?;
+    }
     let inputs = ShowInputs {
         samples,
         cue_list,
+        song,
         recordings,
         faults,
         warnings,
@@ -188,12 +213,84 @@ fn song_cue_list(
     }
 }
 
+/// Reads the cue list and the beat times of a show that follows timecode. The cues of the list have
+/// times. Without timecode, the list and the beats are empty.
+///
+/// # Errors
+/// A file cannot be read or has errors, `--beats` is missing although the list or the tempo source
+/// needs it, or it is given without timecode.
+fn led_list(
+    args: &RunArgs,
+    config: &Config,
+    pads: &[String],
+) -> Result<(CueList, SongBeats), Box<dyn Error>> {
+    let beats = args.beats.as_deref().map(read_beats).transpose()?;
+    if !config.timecode.is_on() {
+        return match beats {
+            Some(_) => Err("--beats gives the beats of a song that timecode leads, and this show has no timecode; set [timecode] source in the show file, or leave --beats out".into()),
+            None => Ok(Default::default()),
+        };
+    }
+    let list = read_cue_list(args.cues.as_deref(), pads)?;
+    let Some(beats) = beats else {
+        let needs = if list.has_beats() {
+            "the cue list has cues at beats (@)"
+        } else if config.tempo.source == TempoSource::Timecode {
+            "tempo.source is \"timecode\""
+        } else {
+            return Ok((list.in_order_of_time(), SongBeats::default()));
+        };
+        return Err(format!(
+            "{needs}, and timecode tells only the time; give the beat times of the song with --beats FILE (`corybant beats SONG --whole` prints them)"
+        )
+        .into());
+    };
+    let source = BeatSource::Annotated(beats.times.clone());
+    BeatTracker::new(&config.tempo.tracker(), source)
+        .map_err(|error| locate_beat_error(error.into(), Some(&beats)))?;
+    let list = list.timed(&beats.times).in_order_of_time();
+    Ok((list, SongBeats::new(beats.times)))
+}
+
+/// Decodes the music file `path`: its music, and the channel with linear timecode if the show file
+/// names one. The music is that of all other channels.
+///
+/// # Errors
+/// The file cannot be decoded, or lacks the channel.
+fn file_feeds(path: &Path, config: &Config) -> Result<(FileFeed, Option<LtcFeed>), Box<dyn Error>> {
+    let minutes = 60 * file::HOURS_MAX;
+    let Source::Ltc(channel) = config.timecode.source else {
+        return Ok((FileFeed::new(file::decode(path)?.samples, false), None));
+    };
+    let ltc = file::decode_channels(path, &[channel], minutes)?;
+    if channel > ltc.channels {
+        return Err(format!(
+            "timecode.source is \"ltc:{channel}\", but {} has {} channels; name one of them",
+            shown(path),
+            ltc.channels
+        )
+        .into());
+    }
+    let others: Vec<u16> = (1..=ltc.channels)
+        .filter(|&other| other != channel)
+        .collect();
+    let music: Arc<[f32]> = match others.is_empty() {
+        true => vec![0.0; ltc.samples.len()].into(),
+        false => file::decode_channels(path, &others, minutes)?.samples,
+    };
+    let ltc = LtcFeed::new(FileFeed::new(ltc.samples, false));
+    Ok((FileFeed::new(music, false), Some(ltc)))
+}
+
 /// Returns an error if a recording to be written is also an input, or if two recordings have the
 /// same path.
 fn refuse_clashes(args: &RunArgs, config: &Config) -> Outcome {
     let mut places = Places::default();
     if let Some(cues) = &args.cues {
         places.reads("the cue list", cues);
+    }
+    if let Some(beats) = &args.beats {
+        places.reads("the beat times", beats);
     }
     add_show_inputs(
         &mut places,

@@ -9,7 +9,7 @@
 //! | `[[midi]]`: any key, any number of controllers | new MIDI map, new ports |
 //! | `[graph] file`, `graph` of `[[dancer]]` | a new motion graph |
 //! | `[plan]`: any key | new planners |
-//! | `tempo.source`, `tempo.bpm` | a tempo command, as from a performer |
+//! | `tempo.source`, `tempo.bpm`, `timecode.engage` | a tempo command, as from a performer |
 //! | `audio.input` | another input device; not from or to a music file |
 //! | `audio.channels`, `audio.input_latency_ms`, `osc.velocity_as_intensity`, `page.colours` | the new value |
 
@@ -58,6 +58,7 @@ pub fn later(started: &Config, new: &Config, reach: Reach) -> Vec<String> {
     rest.osc.velocity_as_intensity = started.osc.velocity_as_intensity;
     rest.page.colours.clone_from(&started.page.colours);
     rest.tempo.bpm = started.tempo.bpm;
+    rest.timecode.engage = started.timecode.engage;
     if started.tempo.sources().has(new.tempo.source) {
         rest.tempo.source = started.tempo.source;
     }

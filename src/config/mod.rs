@@ -12,9 +12,11 @@ use thiserror::Error;
 use crate::osc::input::own_address::{is_received, local_addresses};
 use crate::osc::{input, motion_in, output};
 use crate::{audio, clock, midi, web};
+use corybant_core::tempo::source::TempoSource;
 use corybant_core::text::{did_you_mean, one_line_each};
 use corybant_core::time::Seconds;
-use corybant_core::{dance, plan, show, tempo};
+use corybant_core::timecode::settings::Source;
+use corybant_core::{dance, plan, show, tempo, timecode};
 use corybant_files::toml_diagnostics;
 
 /// The `[graph]` section: which motion graph the dancers use.
@@ -37,6 +39,8 @@ pub struct Config {
     pub audio: audio::input::Settings,
     /// `[tempo]`: the tempo source and the beat tracker.
     pub tempo: tempo::settings::Settings,
+    /// `[timecode]`: the timecode that leads the cue list.
+    pub timecode: timecode::settings::Settings,
     /// `[graph]`: the motion graph.
     pub graph: GraphSettings,
     /// `[plan]`: the weights and the horizon of the planner.
@@ -63,6 +67,7 @@ impl Default for Config {
             file: None,
             audio: Default::default(),
             tempo: Default::default(),
+            timecode: Default::default(),
             graph: Default::default(),
             plan: Default::default(),
             dancer: vec![Default::default()],
@@ -144,6 +149,7 @@ impl Config {
         self.audio.check("audio", problems);
         self.tempo.check("tempo", problems);
         clock::midi_in::check(&self.tempo.midi_clock, "tempo.midi_clock", problems);
+        self.check_timecode(problems);
         self.plan.check("plan", problems);
         self.check_dancers(problems);
         let local = local_addresses();
@@ -181,6 +187,28 @@ impl Config {
             out.check(&format!("clock_out {}", i + 1), problems);
         }
         self.page.check("page", problems);
+    }
+
+    /// Adds a sentence to `problems` for every value of `[timecode]` that is not allowed.
+    fn check_timecode(&self, problems: &mut Vec<String>) {
+        self.timecode.check("timecode", problems);
+        match &self.timecode.source {
+            Source::Mtc(port) if port.is_empty() && self.tempo.midi_clock.is_empty() => {
+                problems.push(
+                    "timecode.source is \"mtc\", the port of tempo.midi_clock, which is empty; name a port, such as \"mtc:system:PORT\" or \"mtc:jack:\".".into(),
+                );
+            }
+            Source::Mtc(port) => clock::midi_in::check(port, "timecode.source", problems),
+            Source::Ltc(channel) if self.audio.channels.contains(channel) => {
+                problems.push(format!(
+                    "audio.channels has {channel}, which carries timecode (timecode.source); leave it out."
+                ));
+            }
+            Source::Off if self.tempo.source == TempoSource::Timecode => problems.push(
+                "tempo.source is \"timecode\", but timecode.source is empty; it must say where timecode comes from, such as \"ltc:2\".".into(),
+            ),
+            Source::Off | Source::Ltc(_) | Source::ArtNet(_) | Source::Osc => {}
+        }
     }
 
     fn check_dancers(&self, problems: &mut Vec<String>) {
@@ -308,6 +336,7 @@ impl Config {
             }
         });
         let (tempo, plan) = (self.tempo.clone(), self.plan.clone());
+        let timecode = self.timecode.clone();
         let alone = |dancer: &dance::Settings| dance::Settings {
             vrm: PathBuf::new(),
             pass: Vec::new(),
@@ -320,6 +349,7 @@ impl Config {
         };
         toml::to_string(&Self {
             tempo,
+            timecode,
             plan,
             dancer,
             output: output.collect(),

@@ -13,6 +13,7 @@ mod outputs;
 mod performers;
 mod record;
 mod reload;
+mod samples;
 mod service;
 pub mod setup;
 mod show_change;
@@ -21,6 +22,7 @@ mod solving;
 mod streams;
 mod surfaces;
 mod takes;
+mod timecode;
 mod vitals;
 
 use std::path::PathBuf;
@@ -32,8 +34,8 @@ use std::time::Duration;
 use thiserror::Error;
 use tracing::info;
 
-use crate::audio::feed::{FileFeed, PlayedFeed};
-use crate::audio::input::{AudioIn, InputControl};
+use crate::audio::ltc_feed::LtcFeed;
+use crate::clock::art_net::ArtNetInputError;
 use crate::clock::out::ClockOutError;
 use crate::config::Config;
 use crate::midi::MidiError;
@@ -54,6 +56,7 @@ use crate::web::calibration::{InputCalibration, LiveCalibration};
 use crate::web::{About, PageError, Snapshot};
 use corybant_core::beat::tracker::BeatSource;
 use corybant_core::cue::list::CueList;
+use corybant_core::cue::list::lead::SongBeats;
 use corybant_core::fault::Faults;
 use corybant_core::show::{Cast, Show, ShowError};
 use corybant_core::time::Seconds;
@@ -70,6 +73,7 @@ use record::RunningRecordings;
 pub use record::cue_list::CueRecording;
 pub use record::recorder::{Recorder, RecorderError};
 use reload::{Reload, ReloadContext};
+pub use samples::Samples;
 use service::Service;
 use setup::Setup;
 use show_thread::{EndCondition, ShowSummary, ShowThread};
@@ -77,6 +81,7 @@ use solving::SolvingThread;
 use streams::Streams;
 use surfaces::Watchers;
 use takes::TakeParts;
+use timecode::ListLeader;
 
 /// Capacity of the cue queue: the largest number of cues that wait for the next tick.
 const CUES_MAX: usize = 256;
@@ -104,6 +109,9 @@ pub enum DaemonError {
     /// A MIDI port cannot be used.
     #[error(transparent)]
     Midi(#[from] MidiError),
+    /// Art-Net timecode cannot be received.
+    #[error(transparent)]
+    ArtNet(#[from] ArtNetInputError),
     /// A clock output cannot be opened.
     #[error(transparent)]
     ClockOut(#[from] ClockOutError),
@@ -138,40 +146,14 @@ pub enum DaemonError {
     Panicked,
 }
 
-/// The source of the music samples of a show.
-pub enum Samples {
-    /// An audio input device, whose sound is captured live.
-    Device(Box<AudioIn>),
-    /// A decoded music file that is not played aloud. Its samples are delivered at the pace of the
-    /// show time.
-    File(FileFeed),
-    /// A decoded music file that the daemon also plays on the default audio output. Its samples are
-    /// delivered at the pace of the playback.
-    Played(PlayedFeed),
-}
-
-impl Samples {
-    /// Returns a handle that replaces the input device; `None` if the samples come from a file.
-    fn control(&self) -> Option<InputControl> {
-        match self {
-            Self::Device(device) => Some(device.control()),
-            Self::File(_) | Self::Played(_) => None,
-        }
-    }
-
-    /// Copies the samples that are due at the show time `now` into `buffer` and returns the number
-    /// of samples. For an input device, also sets the input latency of `show`.
-    fn read(&mut self, show: &mut Show, now: Seconds, buffer: &mut [f32]) -> usize {
-        match self {
-            Self::Device(device) => {
-                let count = device.read(buffer);
-                show.set_input_latency(device.latency());
-                count
-            }
-            Self::File(file) => file.read_until(now, buffer),
-            Self::Played(played) => played.read_until(now, buffer),
-        }
-    }
+/// The song that timecode leads.
+#[derive(Default)]
+pub struct LedSong {
+    /// Times of the beats of the song.
+    pub beats: SongBeats,
+    /// The channel of a sound file that carries linear timecode; `None` if timecode comes from
+    /// elsewhere.
+    pub ltc: Option<LtcFeed>,
 }
 
 /// Music samples, cues and error counters of a show, and the recordings to make of it.
@@ -180,6 +162,8 @@ pub struct ShowInputs {
     pub samples: Samples,
     /// Cues with a time or a beat; the show processes each cue at that time or beat.
     pub cue_list: CueList,
+    /// The song that timecode leads; without meaning in a show without timecode.
+    pub song: LedSong,
     /// The recordings that the user requested; empty without `--record` and `--record-cues`.
     pub recordings: Recordings,
     /// Counters of faults. The threads that deliver `samples` count in these counters too.
@@ -299,6 +283,7 @@ fn start(
         show,
         samples: inputs.samples,
         cue_list: inputs.cue_list,
+        leader: ListLeader::new(&config.timecode, inputs.song, &context, &monitor),
         streams: Streams::new(outputs).map_err(DaemonError::Thread)?,
         cues: context.cues,
         performers,

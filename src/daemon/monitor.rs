@@ -12,14 +12,18 @@ use crate::config::Config;
 use crate::osc::output::Output;
 use crate::rt::latest::Latest;
 use crate::rt::show_names::ShowNames;
+use crate::rt::warnings::Warnings;
+use corybant_core::cue::list::lead::LeadStatus;
 use corybant_core::dsp::sound_check::SoundCheck;
 use corybant_core::fault::{Fault, Faults};
 use corybant_core::show::{Cast, Event};
 use corybant_core::time::Seconds;
+use corybant_core::timecode::settings::Source;
 
 use super::lateness::Lateness;
 use super::listeners::{ListenerContext, Listeners};
 use super::performers::Performers;
+use super::timecode::display;
 use super::vitals::{CountedOutputs, VitalsCollector};
 
 /// Capacity of the event queue: the largest number of events that wait to be logged.
@@ -45,14 +49,25 @@ pub(super) struct Monitor {
     /// The outputs after the last edit of the show file. The thread that applies the edit publishes
     /// them, and the monitor then counts their datagrams.
     pub(super) new_outputs: Latest<CountedOutputs>,
+    /// State of timecode, from the show thread.
+    pub(super) timecode: Latest<LeadStatus>,
+    /// Source of timecode.
+    timecode_source: Source,
+    warnings: Warnings,
     vitals: VitalsCollector,
     fault_log: FaultLog,
 }
 
 impl Monitor {
-    /// Creates a monitor for a show of the dancers in `cast`. `vitals` collects the vitals of the
+    /// Creates a monitor for a show of the dancers in `cast`. `timecode_source` is the source
+    /// of its timecode. `vitals` collects the vitals of the
     /// show; `context` has its names and fault counters.
-    fn new(cast: &Cast, vitals: VitalsCollector, context: &ListenerContext) -> Self {
+    fn new(
+        cast: &Cast,
+        timecode_source: &Source,
+        vitals: VitalsCollector,
+        context: &ListenerContext,
+    ) -> Self {
         Self {
             show_names: context.names.clone(),
             dancers: cast.names().map(String::from).collect(),
@@ -61,6 +76,9 @@ impl Monitor {
             mix: Latest::default(),
             ticks: Arc::default(),
             new_outputs: Latest::default(),
+            timecode: Latest::default(),
+            timecode_source: timecode_source.clone(),
+            warnings: context.warnings.clone(),
             vitals,
             fault_log: FaultLog::new(context.faults.clone()),
         }
@@ -92,6 +110,11 @@ impl Monitor {
         }
         if let Some(outputs) = self.new_outputs.take() {
             self.vitals.set_outputs(&outputs);
+        }
+        if let Some(status) = self.timecode.take() {
+            let source = &self.timecode_source;
+            self.vitals.set_timecode(display::vitals(source, &status));
+            display::warn(&self.warnings, source, &status);
         }
         if let Some(vitals) = self.vitals.collect() {
             listeners.publish_vitals(vitals);
@@ -160,7 +183,7 @@ pub(super) fn create(
 ) -> Monitor {
     let counted = CountedOutputs::new(outputs, &config.output);
     let vitals = VitalsCollector::new(&counted, performers.inputs(cast), context);
-    Monitor::new(cast, vitals, context)
+    Monitor::new(cast, &config.timecode.source, vitals, context)
 }
 
 #[cfg(test)]

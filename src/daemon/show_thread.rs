@@ -26,6 +26,7 @@ use corybant_core::cue::{Cue, DanceCommand};
 use corybant_core::dsp::sound_check::SoundCheck;
 use corybant_core::fault::{Fault, Faults};
 use corybant_core::show::{Event, SAMPLES_PER_TICK_MAX, Show, TICK_HZ};
+use corybant_core::tempo::command::TempoCommand;
 use corybant_core::time::Seconds;
 
 use super::Samples;
@@ -36,6 +37,7 @@ use super::show_change::{ShowChange, ShowParts};
 use super::solving::Solving;
 use super::streams::{SentPose, Streams, Ticker};
 use super::surfaces::Watchers;
+use super::timecode::ListLeader;
 
 /// Largest number of cues that one tick (step of the show thread) processes.
 const CUES_PER_TICK_MAX: usize = 32;
@@ -206,6 +208,8 @@ pub(super) struct ShowThread {
     pub(super) samples: Samples,
     /// Cue list of the show; the show processes each cue when its time or beat has come.
     pub(super) cue_list: CueList,
+    /// Timecode, or the show time, which decides which cues of the list are due.
+    pub(super) leader: ListLeader,
     pub(super) streams: Streams,
     pub(super) cues: CueQueue,
     /// Live performers who move parts of dancers.
@@ -355,8 +359,7 @@ impl ShowThread {
     /// publishes the new state of the show. Adds the delays of the cues to `cue_delays`.
     fn tick(&mut self, now: Seconds, buffers: &mut TickBuffers, cue_delays: &mut Histogram) {
         let sample_count = self.samples.read(&mut self.show, now, &mut buffers.samples);
-        self.cue_list
-            .due(now.0, self.show.song_beat(), |cue| self.cues.push(cue));
+        self.lead_list(now);
         const NO_CUE: Cue = Cue::Dance(DanceCommand::Release);
         let mut cues = [NO_CUE; CUES_PER_TICK_MAX];
         let mut timed_cues = [TimedCue {
@@ -388,13 +391,35 @@ impl ShowThread {
         self.watchers.publish(&self.show, &self.performers, now);
     }
 
+    /// Sends the cues of the cue list that are due at the show time `now` to the cue queue.
+    fn lead_list(&mut self, now: Seconds) {
+        let Self {
+            leader,
+            show,
+            samples,
+            cue_list,
+            events,
+            faults,
+            ..
+        } = self;
+        let mut log = |event| {
+            events.force_push((now, event));
+        };
+        leader.tick(now, show, samples, cue_list, &mut log);
+        leader.count_faults(faults);
+    }
+
     /// Returns `cue` with the place in the graph that is most similar to the live performer's pose,
-    /// if the cue needs one.
+    /// if the cue needs one. Engages or disengages timecode if the cue requests that.
     fn placed(&mut self, cue: Cue, now: Seconds) -> Cue {
         match cue {
             Cue::Dance(DanceCommand::Follow(_)) => {
                 let place = self.performers.place(&mut self.show, now);
                 DanceCommand::Follow(place).into()
+            }
+            Cue::Tempo(TempoCommand::Engage(on)) => {
+                self.leader.engage(on);
+                cue
             }
             other => other,
         }

@@ -20,6 +20,7 @@ use crate::web::Snapshot;
 use corybant_core::motion::Pose;
 use corybant_core::show::{Show, TempoState};
 use corybant_core::time::Seconds;
+use corybant_core::timecode::settings::Source;
 
 use super::DaemonError;
 use super::listeners::ListenerContext;
@@ -120,7 +121,8 @@ impl Surfaces {
                 dispatcher
                     .with_velocity_flag(&velocity_as_intensity)
                     .with_names(names.reader())
-                    .with_takes(takes.clone()),
+                    .with_takes(takes.clone())
+                    .with_timecode(config.timecode.source == Source::Osc),
                 publisher.with_names(names.reader()),
             )
         };

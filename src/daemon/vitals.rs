@@ -9,7 +9,7 @@ use crate::osc::output::{self, Output, OutputCounter};
 use crate::rt::last_messages::LastMessages;
 use crate::web::Vitals;
 use crate::web::calibration::LiveCalibration;
-use crate::web::vitals::{OutputVitals, PerformerState, PerformerVitals};
+use crate::web::vitals::{OutputVitals, PerformerState, PerformerVitals, TimecodeVitals};
 
 use super::lateness::Lateness;
 use super::listeners::ListenerContext;
@@ -110,6 +110,11 @@ impl VitalsCollector {
     /// Stores `mix`, the sound check of the mixed sound of the audio input.
     pub(super) fn set_mix(&mut self, mix: SoundCheck) {
         self.mix = mix;
+    }
+
+    /// Stores the state of timecode in the vitals.
+    pub(super) fn set_timecode(&mut self, timecode: TimecodeVitals) {
+        self.vitals.timecode = Some(timecode);
     }
 
     /// Collects and returns the vitals if a second has passed since the last collection; otherwise

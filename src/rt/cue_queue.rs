@@ -13,6 +13,10 @@ use super::waker::Waker;
 use corybant_core::cue::Cue;
 use corybant_core::fault::{Fault, Faults};
 use corybant_core::tempo::source::{TempoMessage, TimestampedMessage};
+use corybant_core::timecode::Reading;
+
+/// Capacity of the queue of timecode: more than arrives between two ticks.
+const TIMECODE_MAX: usize = 64;
 
 /// A cue in the cue queue, with its arrival time if the program measures how long the show takes to
 /// process it.
@@ -31,6 +35,8 @@ pub struct TimedCue {
 #[derive(Clone)]
 pub struct CueQueue {
     queue: Arc<ArrayQueue<TimedCue>>,
+    /// Readings of timecode, which a new one replaces if the queue is full.
+    timecode: Arc<ArrayQueue<Reading>>,
     clock: ShowClock,
     faults: Arc<Faults>,
     last_messages: Arc<LastMessages>,
@@ -43,6 +49,7 @@ impl CueQueue {
         let queue = Arc::new(ArrayQueue::new(capacity));
         Self {
             queue,
+            timecode: Arc::new(ArrayQueue::new(TIMECODE_MAX)),
             clock: ShowClock::default(),
             faults,
             last_messages: Arc::default(),
@@ -94,6 +101,16 @@ impl CueQueue {
                 received: None,
             });
         }
+    }
+
+    /// Sends a reading of timecode to the show. If too many wait, the oldest one is dropped.
+    pub fn send_timecode(&self, reading: Reading) {
+        self.timecode.force_push(reading);
+    }
+
+    /// Removes and returns the oldest reading of timecode; `None` if none waits.
+    pub fn pop_timecode(&self) -> Option<Reading> {
+        self.timecode.pop()
     }
 
     /// Returns the clock of the show, which runs from the start of the show on.

@@ -10,7 +10,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Paragraph, Wrap};
 
 use super::keys::{PAD_KEYS, TEMPO_KEYS};
-use super::message::State;
+use super::message::{State, Timecode};
 use super::show_view::{Connection, LENGTHS, MODES, Pad, STARTS, ShowView};
 
 /// Width of the bar of a level meter, in characters.
@@ -321,6 +321,7 @@ fn machine(view: &ShowView) -> Vec<Line<'static>> {
         }
         lines.push(Line::from(spans));
     }
+    lines.extend(vitals.timecode.as_deref().map(timecode));
     for (what, last) in [("OSC", &vitals.osc), ("MIDI", &vitals.midi)] {
         lines.push(Line::from(vec![
             caption(what),
@@ -328,6 +329,31 @@ fn machine(view: &ShowView) -> Vec<Line<'static>> {
         ]));
     }
     lines
+}
+
+fn timecode(timecode: &Timecode) -> Line<'static> {
+    let frame = timecode.frame.clone().unwrap_or("–".into());
+    let rate = timecode
+        .rate
+        .as_ref()
+        .map_or(String::new(), |rate| format!(" ({rate})"));
+    let song = timecode
+        .song
+        .map_or(String::new(), |song| format!(", song {song:.1} s"));
+    let state = match timecode.state.as_str() {
+        "locked" => "locked".green(),
+        "lost" => "lost: the cue list waits".red(),
+        state => state.to_owned().yellow(),
+    };
+    let mut spans = vec![
+        caption("tcode"),
+        format!("{}: {frame}{rate}{song}  ", timecode.source).into(),
+        state,
+    ];
+    if !timecode.engaged {
+        spans.push("  not engaged".yellow());
+    }
+    Line::from(spans)
 }
 
 fn help(view: &ShowView, now: Duration) -> Vec<Line<'static>> {

@@ -131,6 +131,8 @@ pub struct Vitals {
     pub outputs: Vec<Output>,
     /// State of each live performer, in the order of the show file.
     pub performers: Vec<LivePerformer>,
+    /// State of the timecode that leads the cue list; `None` if the show has no timecode.
+    pub timecode: Option<Box<Timecode>>,
     /// Current problems of the sound of the audio input.
     pub input: Vec<InputProblem>,
     /// Text of a recent OSC message; `None` if none has arrived since the start of the show.
@@ -171,6 +173,25 @@ pub struct LivePerformer {
     pub poses: u64,
     /// Number of datagrams and messages that were ignored, since the start of the show.
     pub faults: u64,
+}
+
+/// The state of the timecode that leads the cue list; see
+/// [`TimecodeVitals`](crate::web::vitals::TimecodeVitals).
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default)]
+pub struct Timecode {
+    /// Source of the timecode, as written in the show file.
+    pub source: String,
+    /// `waiting`, `locked`, `standing`, `freewheel` or `lost`.
+    pub state: String,
+    /// The frame; `None` before the first one or if the source sends seconds.
+    pub frame: Option<String>,
+    /// Name of the frame rate; `None` if it is not known.
+    pub rate: Option<String>,
+    /// Position in the song, seconds; `None` before the first timecode.
+    pub song: Option<f64>,
+    /// True if timecode leads the cue list.
+    pub engaged: bool,
 }
 
 /// A problem of the sound of the audio input; see

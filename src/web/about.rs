@@ -11,6 +11,7 @@ use serde::Serialize;
 use serde_json::Value;
 use tokio::sync::watch;
 
+use super::api::ApiNames;
 use super::avatar::Avatar;
 use super::body::Body;
 use super::client_message::ClientMessages;
@@ -66,6 +67,8 @@ pub(super) struct Served {
     pub(super) thumbs: Bytes,
     /// Converter of the clients' messages to requests.
     pub(super) messages: ClientMessages,
+    /// The names that the API tells.
+    pub(super) names: Arc<ApiNames>,
 }
 
 impl Served {
@@ -74,6 +77,12 @@ impl Served {
             hello: about.to_json().into(),
             thumbs: about.thumbs.to_string().into(),
             messages: ClientMessages::new(&about.labels),
+            names: Arc::new(ApiNames {
+                dancers: about.dancers.iter().map(|it| it.name.clone()).collect(),
+                labels: about.labels.clone(),
+                clips: about.clips.clone(),
+                sources: about.sources.iter().map(TempoSource::name).collect(),
+            }),
         }
     }
 }

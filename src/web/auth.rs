@@ -14,6 +14,7 @@ use axum::response::{IntoResponse, Response};
 use super::avatar;
 use super::http::ClientAddress;
 use super::origin;
+use super::right::Right;
 use super::setup_access::{self, SetupAccess};
 use super::token::{COOKIE_NAME, LINK_KEY, Token, VIEW_COOKIE_NAME};
 
@@ -22,11 +23,12 @@ const NO_TOKEN: &str =
     "Open this show's page by the link or the QR code that Corybant prints at its start.";
 
 /// Text of the response to a request that the view token does not allow.
-const VIEW_ONLY: &str = "This link shows the stage and nothing else: open /stage.";
+const VIEW_ONLY: &str =
+    "This token only shows: open /stage, or read /api, /api/state or /api/events.";
 /// Path of the page that only shows the stage.
 pub(super) const STAGE: &str = "/stage";
 /// Paths, and starts of paths that end with `/`, that a request with the view token may read.
-const VIEW_PATHS: [&str; 7] = [
+const VIEW_PATHS: [&str; 9] = [
     STAGE,
     "/stage/",
     "/dancer/",
@@ -34,6 +36,8 @@ const VIEW_PATHS: [&str; 7] = [
     avatar::PREFIX,
     "/link.js",
     "/icon.svg",
+    "/api",
+    "/api/",
 ];
 
 /// Content security policy: the page may run only its own files and connect only to this server.
@@ -72,6 +76,8 @@ pub(crate) struct Access {
     pub(super) listen: SocketAddr,
     /// Token that requests must contain; `None` if no token is needed.
     pub(super) token: Option<Token>,
+    /// Token with which a request may send cues but change no settings; `None` if there is none.
+    pub(super) play: Option<Token>,
     /// Token with which a request may only look at the stage; unused if `token` is `None`.
     pub(super) view: Option<Token>,
     /// Access to the requests below `/setup/`; `None` if the server has no such requests.
@@ -96,17 +102,28 @@ impl Access {
     /// Passes a request with a valid token on to `next` and refuses a request without one. If the
     /// token is in the link of a page, the browser gets the token as a cookie and is redirected, so
     /// that the address bar does not show the token.
-    async fn check_token(&self, request: Request, next: Next) -> Response {
+    ///
+    /// The request gets the extension [`Right`].
+    async fn check_token(&self, mut request: Request, next: Next) -> Response {
         let Some(token) = &self.token else {
+            request.extensions_mut().insert(Right::Configure);
             return next.run(request).await;
         };
         let (uri, headers) = (request.uri(), request.headers());
         let is_page = ["/", STAGE].contains(&uri.path());
-        if token.is_in_link(uri) && is_page {
-            return keep_cookie(token.cookie(COOKIE_NAME), &without_token(uri));
-        }
-        if token.is_in_link(uri) || token.is_in_headers(headers, COOKIE_NAME) {
-            return next.run(request).await;
+        let rights = [
+            (Some(token), Right::Configure),
+            (self.play.as_ref(), Right::Play),
+        ];
+        for (token, right) in rights {
+            let Some(token) = token else { continue };
+            if token.is_in_link(uri) && is_page {
+                return keep_cookie(token.cookie(COOKIE_NAME), &without_token(uri));
+            }
+            if token.is_in_link(uri) || token.is_in_headers(headers, COOKIE_NAME) {
+                request.extensions_mut().insert(right);
+                return next.run(request).await;
+            }
         }
         match &self.view {
             Some(view) if view.is_in_link(uri) && is_page => {
@@ -118,6 +135,7 @@ impl Access {
             }
             Some(view) if view.is_in_link(uri) || view.is_in_headers(headers, VIEW_COOKIE_NAME) => {
                 if may_view(uri.path()) {
+                    request.extensions_mut().insert(Right::View);
                     next.run(request).await
                 } else {
                     (StatusCode::FORBIDDEN, VIEW_ONLY).into_response()
@@ -217,6 +235,7 @@ mod tests {
             "/vendor/three.core.min.js",
             "/avatar/0",
             "/link.js",
+            "/api/state",
         ] {
             assert!(may_view(path), "{path}");
         }

@@ -57,6 +57,10 @@ impl BoundServer {
             (Some(_), "") => Some(Token::generated()?),
             (Some(_), chosen) => Token::new(chosen, addr.ip())?,
         };
+        let play = match (&token, settings.play_token.as_str()) {
+            (None, _) | (Some(_), "") => None,
+            (Some(_), chosen) => Token::new(chosen, addr.ip())?,
+        };
         let link = token::link(local_addr, "/", token.as_ref());
         Ok(Self {
             runtime,
@@ -67,6 +71,7 @@ impl BoundServer {
             access: Access {
                 listen: local_addr,
                 token,
+                play,
                 view,
                 setup: None,
             },

@@ -17,14 +17,13 @@ use tokio::sync::{broadcast, mpsc, watch};
 use tokio::time::{Instant, MissedTickBehavior, interval_at, timeout};
 
 use super::MESSAGES_HZ_MAX;
-use super::client_message::{ClientMessageError, ClientRequest};
+use super::client_message::ClientMessageError;
+use super::requests;
+use super::right::Right;
 use super::server::{LatestMessages, Shared};
 use crate::midi::learn::LearnReport;
 use crate::rt::rate_limiter::RateLimiter;
-use crate::rt::takes::{NO_TAKES, TakeState};
-use crate::web::calibration::Setting;
-use corybant_core::cue::{Cue, OutputCommand};
-use corybant_core::time::Seconds;
+use crate::rt::takes::TakeState;
 
 /// Longest time for sending one message; the connection to a client that reads more slowly is
 /// closed.
@@ -35,14 +34,20 @@ const REPLIES_MAX: usize = 8;
 /// connection. After that, the server closes it.
 const CLOSE_MAX: Duration = Duration::from_millis(500);
 
-/// Serves one client (a browser with the page) on its WebSocket. Ends when the client closes the
-/// connection, fails, stops answering or sends too many messages, or when the show ends.
-pub(super) async fn serve_client(socket: WebSocket, shared: &Shared, latest: LatestMessages) {
+/// Serves one client (a browser with the page) with the right `right` on its WebSocket. Ends when the
+/// client closes the connection, fails, stops answering or sends too many messages, or when the show
+/// ends.
+pub(super) async fn serve_client(
+    socket: WebSocket,
+    right: Right,
+    shared: &Shared,
+    latest: LatestMessages,
+) {
     let (mut sink, mut stream) = socket.split();
     let (reply, replies) = mpsc::channel(REPLIES_MAX);
     let learn_reports = shared.context.learn.as_ref().map(|midi| midi.subscribe());
     let floods = tokio::select! {
-        floods = receive_messages(&mut stream, shared, reply) => floods,
+        floods = receive_messages(&mut stream, right, shared, reply) => floods,
         () = send_messages(&mut sink, shared, latest, replies, learn_reports) => false,
     };
     if floods {
@@ -196,6 +201,7 @@ async fn next_take(takes: &mut Option<watch::Receiver<TakeState>>) -> Option<Tak
 /// if it disconnects or is silent for too long.
 async fn receive_messages(
     stream: &mut SplitStream<WebSocket>,
+    right: Right,
     shared: &Shared,
     reply: mpsc::Sender<Utf8Bytes>,
 ) -> bool {
@@ -205,71 +211,25 @@ async fn receive_messages(
         if !rate_limiter.take(start.elapsed()) {
             return true;
         }
-        let request = match message {
-            Message::Text(text) => shared.about.borrow().messages.resolve(&text),
-            Message::Binary(_) => Err(ClientMessageError::Shape {
-                why: "binary data".into(),
-            }),
+        let performed = match message {
+            Message::Text(text) => requests::perform(&text, right, shared).await,
+            Message::Binary(_) => {
+                let error = ClientMessageError::Shape {
+                    why: "binary data".into(),
+                };
+                shared.context.faults.count(error.fault());
+                Err(error.into())
+            }
             Message::Ping(_) | Message::Pong(_) => continue,
             Message::Close(_) => return false,
         };
-        match request {
-            Ok(ClientRequest::Cue(cue)) => {
-                tracing::debug!("the page sent {cue:?}");
-                shared.context.cues.push(cue);
-            }
-            Ok(ClientRequest::Learn(entry)) => match (&shared.context.learn, entry) {
-                (Some(midi), Some(entry)) => midi.learn(entry),
-                (Some(midi), None) => midi.cancel_learn(),
-                (None, _) => {}
-            },
-            Ok(ClientRequest::Take(request)) => match &shared.context.takes {
-                Some(takes) => takes.request(request),
-                None => {
-                    let text = serde_json::json!({ "type": "error", "message": NO_TAKES });
-                    // A client that does not read its replies loses them.
-                    let _ = reply.try_send(text.to_string().into());
-                }
-            },
-            Ok(ClientRequest::Setting(setting)) => {
-                let text = match apply_setting(setting, shared).await {
-                    Ok(None) => continue,
-                    Ok(Some(message)) => serde_json::json!({ "type": "kept", "message": message }),
-                    Err(message) => serde_json::json!({ "type": "error", "message": message }),
-                };
-                // A client that does not read its replies loses them.
-                let _ = reply.try_send(text.to_string().into());
-            }
-            Err(error) => {
-                shared.context.faults.count(error.fault());
-                let text = serde_json::json!({ "type": "error", "message": error.to_string() })
-                    .to_string();
-                // A client that does not read its replies loses them.
-                let _ = reply.try_send(text.into());
-            }
-        }
+        let text = match performed {
+            Ok(None) => continue,
+            Ok(Some(message)) => serde_json::json!({ "type": "kept", "message": message }),
+            Err(error) => serde_json::json!({ "type": "error", "message": error.to_string() }),
+        };
+        // A client that does not read its replies loses them.
+        let _ = reply.try_send(text.to_string().into());
     }
     false
-}
-
-/// Applies a change of the calibration. Returns a text to show to the user, or `None` if there is
-/// nothing to tell. An error says why the change was refused.
-async fn apply_setting(setting: Setting, shared: &Shared) -> Result<Option<String>, String> {
-    let calibration = shared.context.calibration.clone();
-    if matches!(setting, Setting::Keep | Setting::Colour { .. }) {
-        // A slow disk must not delay the other clients.
-        let written = tokio::task::spawn_blocking(move || calibration.apply(setting))
-            .await
-            .map_err(|error| error.to_string())?;
-        return written.map(|_| Some("kept in the show file".to_owned()));
-    }
-    if calibration.apply(setting)? {
-        shared
-            .context
-            .cues
-            .push(Cue::Output(OutputCommand::LookAhead(Seconds(
-                calibration.offset_s_max(),
-            ))));
-    }
-    Ok(None)
 }

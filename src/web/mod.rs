@@ -24,6 +24,7 @@ use crate::web::calibration::LiveCalibration;
 use corybant_core::fault::Faults;
 
 pub mod about;
+mod api;
 pub mod assets;
 pub(crate) mod auth;
 pub mod avatar;
@@ -36,6 +37,8 @@ pub mod colours;
 pub(crate) mod http;
 pub mod origin;
 pub mod probe;
+mod requests;
+mod right;
 mod server;
 pub mod setup_access;
 pub mod snapshot;
@@ -75,6 +78,9 @@ pub struct Settings {
     /// Token of a browser that may only look at the stage, for example of a streaming program. If
     /// the setting is empty and the page needs a token, this token is generated.
     pub view_token: String,
+    /// Token of a client that may send cues but change no settings. If the setting is empty, there is
+    /// no such token.
+    pub play_token: String,
     /// Colour of each group of pads on the page, `#rrggbb`. The group is the part of the pad's name
     /// before the first `/`; [`colours::PLAIN_GROUP`] without a `/`.
     pub colours: BTreeMap<String, String>,
@@ -86,6 +92,7 @@ impl Default for Settings {
             listen: DEFAULT_LISTEN.into(),
             token: String::new(),
             view_token: String::new(),
+            play_token: String::new(),
             colours: BTreeMap::new(),
         }
     }
@@ -106,7 +113,12 @@ impl Settings {
                 self.listen
             ));
         }
-        for (name, token) in [("token", &self.token), ("view_token", &self.view_token)] {
+        let tokens = [
+            ("token", &self.token),
+            ("play_token", &self.play_token),
+            ("view_token", &self.view_token),
+        ];
+        for (name, token) in tokens {
             if !token.is_empty() && !Token::is_valid(token) {
                 problems.push(format!(
                     "{key}.{name} is \"{token}\"; it must be {} to {} letters, digits, - or _, or \"\" for a generated one.",
@@ -123,10 +135,13 @@ impl Settings {
                 ));
             }
         }
-        if !self.token.is_empty() && self.token == self.view_token {
-            problems.push(format!(
-                "{key}.view_token equals {key}.token, so everyone who may look could send cues; choose another text."
-            ));
+        for (index, (name, token)) in tokens.iter().enumerate() {
+            let earlier = tokens[..index].iter();
+            for (other, _) in earlier.filter(|(_, earlier)| !token.is_empty() && earlier == token) {
+                problems.push(format!(
+                    "{key}.{name} equals {key}.{other}, so it would give the same rights; choose another text."
+                ));
+            }
         }
     }
 }

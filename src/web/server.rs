@@ -21,10 +21,12 @@ use super::about::{AboutSender, Served};
 use super::assets::{self, ASSETS, STAGE_ASSETS};
 use super::auth::Access;
 use super::avatar::Avatar;
-use super::{CLIENTS_MAX, MESSAGE_BYTES_MAX, Snapshot, WebContext, avatar, client};
+use super::right::Right;
+use super::{CLIENTS_MAX, MESSAGE_BYTES_MAX, Snapshot, WebContext, api, avatar, client};
 use crate::rt::takes::{TakeDesk, TakeState};
 use crate::web::http::websockets::WebSocketLimit;
 use crate::web::http::{self, ClientAddress, Timeouts};
+use corybant_core::show::status::Status;
 
 /// Header of a response with JSON.
 const JSON: (HeaderName, &str) = (CONTENT_TYPE, "application/json");
@@ -44,8 +46,9 @@ pub(super) struct Shared {
     /// Interval of the pings to a client, and the times after which a silent client's connection is
     /// closed.
     pub timeouts: Timeouts,
+    /// Limit of the number of clients that stay connected.
+    pub clients: WebSocketLimit,
     avatars: Vec<Option<Avatar>>,
-    clients: WebSocketLimit,
 }
 
 /// The page's server before it accepts connections.
@@ -90,7 +93,9 @@ impl Server {
     ) {
         let shared = self.shared;
         let (state_sender, state) = watch::channel(Utf8Bytes::default());
+        let (status_sender, status) = watch::channel(Status::default());
         let (warnings_sender, warnings) = watch::channel(Utf8Bytes::default());
+        let api = api::router(&shared, status);
         let router = router(
             &shared,
             LatestMessages {
@@ -101,13 +106,13 @@ impl Server {
                 warnings,
             },
         );
-        let router = self.access.protect(router);
+        let router = self.access.protect(router.merge(api));
         tokio::select! {
             _ = stopped => {}
-            () = publish(snapshots, &state_sender, &warnings_sender, &shared) => {}
+            () = publish(snapshots, (&state_sender, &status_sender, &warnings_sender), &shared) => {}
             () = self.http.serve(listener, router) => {}
         }
-        drop(state_sender);
+        drop((state_sender, status_sender));
         if timeout(CLOSE_MAX, shared.clients.all_closed())
             .await
             .is_err()
@@ -118,11 +123,15 @@ impl Server {
 }
 
 /// Sends each new snapshot and each change of the warnings to all clients. Encodes no snapshot
-/// while no client is connected.
+/// while no client is connected. The senders are those of the snapshot, of the status in it, and of
+/// the warnings.
 async fn publish(
     mut snapshots: triple_buffer::Output<Snapshot>,
-    state_sender: &watch::Sender<Utf8Bytes>,
-    warnings_sender: &watch::Sender<Utf8Bytes>,
+    (state_sender, status_sender, warnings_sender): (
+        &watch::Sender<Utf8Bytes>,
+        &watch::Sender<Status>,
+        &watch::Sender<Utf8Bytes>,
+    ),
     shared: &Shared,
 ) {
     let mut ticks = interval(SNAPSHOT_INTERVAL);
@@ -131,7 +140,10 @@ async fn publish(
     let mut sent_warnings = Vec::new();
     loop {
         ticks.tick().await;
-        has_update |= snapshots.update();
+        if snapshots.update() {
+            status_sender.send_replace(snapshots.output_buffer().status);
+            has_update = true;
+        }
         if has_update && shared.clients.has_clients() {
             state_sender.send_replace(
                 snapshots
@@ -169,23 +181,16 @@ pub(super) struct LatestMessages {
     pub takes: Option<watch::Receiver<TakeState>>,
 }
 
-/// What a client of a WebSocket may do.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Right {
-    /// Look at the stage.
-    View,
-    /// See everything and send messages.
-    Control,
-}
-
 fn router(shared: &Arc<Shared>, latest: LatestMessages) -> Router {
     let setup = shared.context.setup.as_ref();
     let setup = setup.map_or_else(Router::new, |setup| setup.router.clone());
-    let socket = |right: Right| {
+    let socket = |most: Right| {
         let (shared, latest) = (Arc::clone(shared), latest.clone());
         get(
-            async move |Extension(address): Extension<ClientAddress>, upgrade: WebSocketUpgrade| {
-                upgrade_client(upgrade, address, right, shared, latest)
+            async move |Extension(address): Extension<ClientAddress>,
+                        Extension(right): Extension<Right>,
+                        upgrade: WebSocketUpgrade| {
+                upgrade_client(upgrade, address, right.min(most), shared, latest)
             },
         )
     };
@@ -197,7 +202,7 @@ fn router(shared: &Arc<Shared>, latest: LatestMessages) -> Router {
             "/thumbs",
             get(async move || ([JSON], about.borrow().thumbs.clone())),
         )
-        .route("/live", socket(Right::Control))
+        .route("/live", socket(Right::Configure))
         .route("/stage/live", socket(Right::View))
 }
 
@@ -220,7 +225,9 @@ fn upgrade_client(
     upgrade.on_upgrade(async move |socket| {
         match right {
             Right::View => client::serve_viewer(socket, &shared, latest).await,
-            Right::Control => client::serve_client(socket, &shared, latest).await,
+            Right::Play | Right::Configure => {
+                client::serve_client(socket, right, &shared, latest).await;
+            }
         }
         drop(permit);
     })

@@ -34,6 +34,8 @@ pub struct Vitals {
     pub outputs: Vec<OutputVitals>,
     /// State of each live performer, in the order of the show file.
     pub performers: Vec<PerformerVitals>,
+    /// State of the timecode that leads the cue list; `None` if the show has no timecode.
+    pub timecode: Option<TimecodeVitals>,
     /// Colours of the groups of pads, `#rrggbb`; a group without an entry has a default colour.
     pub colours: BTreeMap<String, String>,
     /// Text of a recent OSC message; `None` if none has arrived since the start of the show.
@@ -77,6 +79,25 @@ pub struct PerformerVitals {
     pub faults: u64,
 }
 
+/// The state of the timecode that leads the cue list.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct TimecodeVitals {
+    /// Source of the timecode, as written in the show file.
+    pub source: String,
+    /// State: `waiting`, `locked`, `standing`, `freewheel` or `lost`.
+    pub state: &'static str,
+    /// The frame, such as `01:00:00:00`; `None` before the first one or if the source sends seconds.
+    pub frame: Option<String>,
+    /// Name of the frame rate, such as `29.97df`; `None` if it is not known.
+    pub rate: Option<&'static str>,
+    /// Seconds of timecode per second; negative in reverse.
+    pub speed: f64,
+    /// Position in the song, seconds; `None` before the first timecode.
+    pub song: Option<f64>,
+    /// True if timecode leads the cue list.
+    pub engaged: bool,
+}
+
 /// Whether the program of a live performer sends poses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -107,6 +128,8 @@ impl Vitals {
     /// "outputs":[{"kind":"vmc","to":"HOST:PORT","offset_ms":x,"sent":n per second,"failed":n},…],
     /// "performers":[{"dancer":name,"listen":"HOST:PORT","sender":"HOST:PORT"|null,
     /// "state":"waiting"|"live"|"lost","poses":n per second,"age_ms":x|null,"faults":n},…],
+    /// "timecode":{"source":"ltc:2","state":"waiting"|"locked"|"standing"|"freewheel"|"lost",
+    /// "frame":"01:00:00:00"|null,"rate":"25"|null,"speed":x,"song":seconds|null,"engaged":bool}|null,
     /// "colours":{group:"#rrggbb",…},"osc":"/cue/salsa 1"|null,"midi":"note 36
     /// on, …"|null}`.
     pub fn to_json(&self) -> String {

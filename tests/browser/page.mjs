@@ -452,7 +452,7 @@ await promise('the pulse does not move if the user prefers reduced motion', asyn
 /** Replaces the vitals of the show: `page.sendVitals(input)` sends vitals with the problems `input` of the audio input. */
 const replaceVitals = (page) => page.routeWebSocket('**/live**', (socket) => {
   socket.connectToServer().onMessage((message) => { if (!message.includes('"type":"vitals"')) socket.send(message); });
-  const vitals = { type: 'vitals', late_ms_p50: 0, late_ms_p99: 0, late_ms_max: 0, missed: 0, input_latency_ms: null, channels: [], outputs: [], performers: [], colours: {} };
+  const vitals = { type: 'vitals', late_ms_p50: 0, late_ms_p99: 0, late_ms_max: 0, missed: 0, input_latency_ms: null, channels: [], outputs: [], performers: [], timecode: null, colours: {} };
   page.sendVitals = (input) => socket.send(JSON.stringify({ ...vitals, input, osc: null, midi: null }));
 });
 

@@ -118,7 +118,14 @@ const STATES = {
     vitals: { colours: { right: '#c04fd0' } },
   },
   'forty-labels': { hello: { labels: many }, state: { queue: [[30, false, 8], [1, true, 4]], label: 1 } },
-  setup: { act: (page) => page.click('#open-setup'), undo: (page) => page.click('#setup [data-part="close"]') },
+  setup: {
+    vitals: { timecode: { source: 'art-net:0.0.0.0:6454', state: 'freewheel', frame: '01:02:03;04', rate: '29.97df', speed: 1, song: 123.4, engaged: true } },
+    act: async (page) => {
+      await page.click('#open-setup');
+      await page.waitForFunction(() => document.querySelector('#timecode').textContent === 'art-net:0.0.0.0:6454, freewheel, 01:02:03;04 (29.97df), song 123.4 s');
+    },
+    undo: (page) => page.click('#setup [data-part="close"]'),
+  },
   learn: {
     act: async (page, show) => {
       await page.click('#open-setup');

@@ -14,7 +14,7 @@ use corybant_core::graph::file::to_bytes;
 use corybant_core::graph::report::page;
 use corybant_core::graph::report::summary::report;
 use corybant_core::graph::{Attribute, ClipInfo, Edge, Graph, Node, Transition};
-use corybant_core::motion::{Analysed, Contact};
+use corybant_core::motion::{Analysed, Contact, FootPart};
 use corybant_core::time::Seconds;
 use glam::{Quat, Vec3};
 use program::ran;
@@ -36,11 +36,13 @@ fn curved(name: &str, label: Option<&str>, seed: u32) -> Analysed {
     analysed.contacts = vec![
         Contact {
             joint: 5,
+            part: FootPart::Heel,
             first: 10,
             last: 60,
         },
         Contact {
             joint: 6,
+            part: FootPart::Heel,
             first: 61,
             last: 100,
         },
@@ -336,6 +338,7 @@ fn large(clips: u32, beats: u32) -> Graph {
         contacts: (0..beats)
             .map(|beat| Contact {
                 joint: 5 + (beat % 2) as u16,
+                part: FootPart::Heel,
                 first: 30 * beat,
                 last: 30 * beat + 25,
             })

@@ -7,12 +7,14 @@ use std::path::Path;
 use std::process::Output;
 
 use corybant_core::graph::file::to_bytes;
+use corybant_core::timecode::ltc::generator::LtcGenerator;
 use serde_json::Value;
+use smpte_timecode::{FrameRate, Timecode};
 
 use crate::common::program;
 use crate::common::wav;
 
-use wav::wav;
+use wav::{wav, wav_of};
 
 /// The length of the song in seconds. Its beats are half a second apart; the first is at
 /// [`FIRST_S`].
@@ -139,4 +141,58 @@ fn cues_after_the_end_of_the_song_are_refused_before_the_show() {
         );
         assert!(!String::from_utf8_lossy(&ran.stdout).contains("listening"));
     }
+}
+
+/// Returns a stereo WAV: the song on the first channel, and LTC from 01:00:20:00 on the second.
+fn song_with_timecode() -> Vec<u8> {
+    let first = Timecode::parse("01:00:20:00", FrameRate::FPS_25).unwrap();
+    let mut generator = LtcGenerator::new(first, 1.0, 44_100, 0.3);
+    let mut ltc = Vec::new();
+    (0..SECONDS * 25).for_each(|_| generator.frame(&mut ltc));
+    let both = song().into_iter().zip(ltc).flat_map(|(x, y)| [x, y]);
+    let samples: Vec<i16> = both.map(|x| (x * 32_767.0) as i16).collect();
+    wav_of(44_100, 2, &samples)
+}
+
+#[test]
+fn ltc_of_a_music_file_leads_the_cue_list() {
+    let folder = folder();
+    let write = |name: &str, bytes: &[u8]| std::fs::write(folder.path().join(name), bytes).unwrap();
+    let beats: String = (0..80)
+        .map(|n| format!("{}\n", f64::from(n) * 0.5))
+        .collect();
+    write("song.wav", &song_with_timecode());
+    write("beats.txt", beats.as_bytes());
+    // At the start, salsa is danced for another eight beats; disco and what is before are not.
+    write("cues.txt", b"@2 disco 8\n@32 salsa 16\n@56 robot 8\n");
+    let timecode = "[tempo]\nsource = \"timecode\"\n[timecode]\nsource = \"ltc:2\"\noffset = \"01:00:00:00\"\n[osc]\nlisten = \"127.0.0.1:0\"\n[page]\nlisten = \"off\"\n[plan]\nfreestyle = false\n";
+    write("show.toml", timecode.as_bytes());
+    let without_beats = corybant(&RUN, folder.path());
+    let said = String::from_utf8_lossy(&without_beats.stderr).into_owned();
+    assert!(
+        said.contains("the cue list has cues at beats (@)") && said.contains("--beats FILE"),
+        "{said}"
+    );
+    let ran = corybant(
+        &[&RUN[..], &["--beats", "beats.txt", "--seconds", "11"]].concat(),
+        folder.path(),
+    );
+    let said = String::from_utf8_lossy(&ran.stderr).into_owned();
+    assert!(ran.status.success(), "{said}");
+    let place = |words: &str| {
+        said.find(words)
+            .unwrap_or_else(|| panic!("no {words:?} in {said}"))
+    };
+    let found = place("timecode found at 01:00:20:0");
+    let (salsa, robot) = (place(": salsa"), place(": robot"));
+    assert!(found < salsa && salsa < robot, "{said}");
+    // The way to robot may lead over a beat of disco.
+    assert!(
+        said.find(": disco").is_none_or(|disco| disco > salsa),
+        "{said}"
+    );
+    assert!(!said.contains("timecode lost"), "{said}");
+    write("show.toml", b"[timecode]\nsource = \"ltc:3\"\n");
+    let said = String::from_utf8_lossy(&corybant(&RUN[..6], folder.path()).stderr).into_owned();
+    assert!(said.contains("song.wav has 2 channels"), "{said}");
 }

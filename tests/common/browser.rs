@@ -19,11 +19,14 @@ fn missing() -> Option<String> {
 /// Returns a description of what is missing to run the scripts in Node without a browser; `None` if
 /// nothing is missing.
 fn missing_node() -> Option<String> {
-    if !Path::new(SCRIPTS)
-        .join("node_modules/playwright-core")
-        .exists()
-    {
-        return Some("tests/browser/node_modules is absent; run `npm ci` there".into());
+    missing_node_in(SCRIPTS)
+}
+
+/// Returns a description of what is missing to run Node in `folder`, a folder of this repository with a
+/// `package.json`; `None` if nothing is missing.
+fn missing_node_in(folder: &str) -> Option<String> {
+    if !Path::new(folder).join("node_modules").exists() {
+        return Some(format!("{folder}/node_modules is absent; run `npm ci` there"));
     }
     Command::new("node")
         .arg("--version")
@@ -52,6 +55,11 @@ pub fn is_missing(test: &str) -> bool {
 /// instead if `CORYBANT_REQUIRE_BROWSER` is set.
 pub fn lacks_node(test: &str) -> bool {
     said(test, missing_node())
+}
+
+/// Like [`lacks_node`], for the Node packages of `folder`.
+pub fn lacks_node_in(test: &str, folder: &str) -> bool {
+    said(test, missing_node_in(folder))
 }
 
 fn said(test: &str, missing: Option<String>) -> bool {

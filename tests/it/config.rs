@@ -258,3 +258,45 @@ fn a_performer_needs_an_input_of_its_own_and_a_dancer() {
         assert!(found.contains(wanted), "{text}: {found}");
     }
 }
+
+#[test]
+fn timecode_needs_a_source_that_exists() {
+    for right in [
+        "source = \"ltc:2\"\nrate = \"29.97df\"\noffset = \"01:00:00:00\"",
+        "source = \"mtc:jack:\"",
+        "source = \"art-net:127.0.0.1\"\nengage = false",
+        "source = \"osc\"\noffset = \"12.5\"",
+    ] {
+        let show = format!("[timecode]\n{right}\n");
+        let show = Config::parse("show.toml", &show).unwrap();
+        assert!(show.timecode.is_on(), "{right}");
+    }
+    for (wrong, part) in [
+        ("source = \"ltc:0\"", "show.toml:2: the source is \"ltc:0\""),
+        (
+            "source = \"mtc\"",
+            "timecode.source is \"mtc\", the port of tempo.midi_clock",
+        ),
+        ("source = \"mtc:Desk\"", "timecode.source is \"Desk\""),
+        (
+            "rate = \"60\"",
+            "the frame rate is \"60\"; allowed are auto",
+        ),
+        ("offset = \"1 hour\"", "the offset is \"1 hour\""),
+        ("freewheel_frames = 901", "timecode.freewheel_frames is 901"),
+        (
+            "source = \"ltc:2\"\n[audio]\nchannels = [2]",
+            "audio.channels has 2",
+        ),
+        (
+            "[tempo]\nsource = \"timecode\"",
+            "tempo.source is \"timecode\", but timecode.source",
+        ),
+    ] {
+        let found = problems(&format!("[timecode]\n{wrong}\n"));
+        assert!(
+            found.len() == 1 && found[0].contains(part),
+            "{wrong}: {found:#?}"
+        );
+    }
+}

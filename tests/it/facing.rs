@@ -31,22 +31,53 @@ struct Figures {
     fastest: f32,
 }
 
-/// Dances `wanted` on `graph` and measures the dance. `facing` is the price of facing away, and
-/// `turn_deg` the limit of the turn towards the audience.
+/// Number of dances that are measured together, with different seeds.
+const SEEDS: u64 = 4;
+
+/// Dances `wanted` on `graph` with several seeds and measures the dances. `facing` is the price of
+/// facing away, and `turn_deg` the limit of the turn towards the audience.
 fn danced(graph: &Arc<Graph>, wanted: Attribute, facing: f32, turn_deg: f32) -> Figures {
-    let settings = Settings {
-        facing,
-        ..Settings::default()
-    };
+    let dances = (0..SEEDS).map(|seed| {
+        let settings = Settings {
+            facing,
+            seed,
+            ..Settings::default()
+        };
+        headings(graph, wanted, &settings, turn_deg)
+    });
+    let dances: Vec<Vec<Vec3>> = dances.collect();
+    let all = || dances.iter().flatten();
+    let away = all().filter(|heading| heading.z < AWAY).count();
+    let rate = POSES as f32 / PERIOD as f32;
+    let turn = |pair: &[Vec3]| pair[0].angle_between(pair[1]).to_degrees() * rate;
+    let mut turns: Vec<f32> = dances
+        .iter()
+        .flat_map(|dance| dance.windows(2).map(turn))
+        .collect();
+    turns.sort_unstable_by(f32::total_cmp);
+    Figures {
+        away: away as f32 / all().count() as f32,
+        turning: turns.iter().sum::<f32>() / turns.len() as f32,
+        fastest: turns[turns.len() * 999 / 1000],
+    }
+}
+
+/// Dances `wanted` on `graph`. Returns the direction in which the dancer faces, of each pose.
+fn headings(
+    graph: &Arc<Graph>,
+    wanted: Attribute,
+    settings: &Settings,
+    turn_deg: f32,
+) -> Vec<Vec3> {
     let start = graph
         .clips
         .iter()
         .find(|clip| clip.attribute == Attribute::None)
         .unwrap()
         .first_node;
-    let beyond = Arc::new(TerminalCost::new(graph, &settings, 4));
+    let beyond = Arc::new(TerminalCost::new(graph, settings, 4));
     let faults = Arc::new(Faults::default());
-    let mut planner = Planner::new(graph.clone(), &settings, beyond, start, faults);
+    let mut planner = Planner::new(graph.clone(), settings, beyond, start, faults);
     let own = dance::Settings {
         facing_turn_deg: turn_deg,
         ..dance::Settings::default()
@@ -78,18 +109,7 @@ fn danced(graph: &Arc<Graph>, wanted: Attribute, facing: f32, turn_deg: f32) -> 
         }
         beat += step.beats;
     }
-    let away = headings.iter().filter(|heading| heading.z < AWAY).count();
-    let rate = POSES as f32 / PERIOD as f32;
-    let mut turns: Vec<f32> = headings
-        .windows(2)
-        .map(|pair| pair[0].angle_between(pair[1]).to_degrees() * rate)
-        .collect();
-    turns.sort_unstable_by(f32::total_cmp);
-    Figures {
-        away: away as f32 / headings.len() as f32,
-        turning: turns.iter().sum::<f32>() / turns.len() as f32,
-        fastest: turns[turns.len() * 999 / 1000],
-    }
+    headings
 }
 
 /// Returns the share of the motion beats of `kind` at which the body faces more than 60° away from

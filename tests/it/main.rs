@@ -25,6 +25,7 @@ mod show_reel;
 mod stage;
 mod tape;
 mod tidy;
+mod timecode;
 
 /// The root of the repository.
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");

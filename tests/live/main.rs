@@ -7,6 +7,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod companion;
 mod demo;
 mod graph_swap;
 mod idle_connections;

@@ -6,6 +6,7 @@
 //! | `AudioLost` | dances on at the last tempo, warns, and tries to open the device again |
 //! | `TempoLost` | continues at the last tempo until the source is back or another is selected |
 //! | `BadOsc`, `BadMidi`, `BadPage` | ignores the message |
+//! | `BadTimecode` | ignores the packet or the frame; the cue list goes on |
 //! | `UnknownLabel` | ignores the cue |
 //! | `CueDropped` | dances on without the cue: the queue was full or the label out of reach |
 //! | `LateTick` | skips to the next deadline and never catches up by a burst |
@@ -53,6 +54,8 @@ faults! {
     BadMidi = "bad MIDI messages",
     /// A message from a web page was malformed, or had a value outside its range.
     BadPage = "bad page messages",
+    /// A packet or frame of timecode was malformed, or a single frame was far from the others.
+    BadTimecode = "bad timecode",
     /// A cue named a label that no clip of the motion graph has.
     UnknownLabel = "cues for unknown labels",
     /// A cue was dropped: the cue queue was full, too many cues were waiting, or the label could

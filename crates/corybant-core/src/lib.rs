@@ -16,6 +16,7 @@
 //! | [`time`] | seconds, beats, tempo, and the `Timeline` between them |
 //! | [`text`] | escapes control characters in names from outside |
 //! | [`fault`] | faults that can happen during a show, counted |
+//! | [`timecode`] | LTC, MIDI timecode, Art-Net and OSC timecode → the position of a source |
 //! | [`dsp`] | spectra, filters, level, hum and energy of samples |
 //! | [`motion`] | skeletons, poses, clips; import (BVH, glTF, FBX, VMD) and export; motion beats; live poses |
 //! | [`beat`] | samples → predicted beats |
@@ -49,3 +50,4 @@ pub mod show;
 pub mod tempo;
 pub mod text;
 pub mod time;
+pub mod timecode;

@@ -29,6 +29,7 @@ use crate::rt::atomic_ms::AtomicMs;
 use crate::rt::warnings::Warnings;
 use corybant_core::fault::Faults;
 use corybant_core::time::Seconds;
+use corybant_core::timecode::Reading;
 
 /// Subject under which the warnings about the audio input are listed.
 const WARNING_TOPIC: &str = "audio input";
@@ -119,6 +120,15 @@ impl AudioIn {
             }
         }
         self.source.as_mut().map_or(0, |source| source.read(mono))
+    }
+
+    /// Calls `each` for each frame of timecode in the samples that the last call of
+    /// [`AudioIn::read`] has read. `now` is the show time.
+    pub fn read_timecode(&mut self, now: Seconds, each: &mut dyn FnMut(Reading)) {
+        let latency = self.latency_setting.get();
+        if let Some(source) = &mut self.source {
+            source.read_timecode(now, &mut |reading| each(reading.later(-latency)));
+        }
     }
 
     /// Returns true while an input device is open and has delivered sound.

@@ -3,6 +3,9 @@ use ringbuf::HeapRb;
 use ringbuf::traits::{Producer, Split};
 
 use super::*;
+use corybant_core::timecode::Place;
+use corybant_core::timecode::ltc::generator::LtcGenerator;
+use smpte_timecode::{FrameRate, Timecode};
 
 #[test]
 fn valid_settings_have_no_problems() {
@@ -113,4 +116,48 @@ fn a_chosen_channel_is_mixed_at_once() {
             .collect::<Vec<_>>(),
         [0.25, 0.5]
     );
+}
+
+#[test]
+fn the_timecode_of_a_channel_is_decoded_and_left_out_of_the_mix() {
+    const RATE_HZ: u32 = 48_000;
+    let first = Timecode::parse("01:00:00:00", FrameRate::FPS_25).unwrap();
+    let mut generator = LtcGenerator::new(first, 1.0, RATE_HZ, 0.3);
+    let mut ltc = Vec::new();
+    (0..50).for_each(|_| generator.frame(&mut ltc));
+    let (mut producer, consumer) = HeapRb::new(40_000).split();
+    let channels = Channels::new(&[]);
+    channels.set_timecode(Some(2));
+    let mut source = Source::new(consumer, RATE_HZ, 2, channels).unwrap();
+    let (mut mono, mut readings) = ([0.0; 4_000], Vec::new());
+    let mut time = Seconds(0.0);
+    // A device with blocks of 512 samples, read a little after each block.
+    for (number, block) in (1..).zip(ltc.chunks(512)) {
+        producer.push_iter(block.iter().flat_map(|&x| [0.25, x]));
+        let count = source.read(&mut mono);
+        // The first samples have the start of the filter.
+        let is_music = |x: &f32| (x - 0.25).abs() < 0.01;
+        assert!(number < 5 || mono[..count].iter().all(is_music));
+        time = Seconds(f64::from(number) * 512.0 / f64::from(RATE_HZ) + 0.002);
+        source.read_timecode(time, &mut |reading| readings.push(reading));
+    }
+    assert!(readings.len() >= 47, "{} of 50 frames", readings.len());
+    let last = readings.last().unwrap();
+    let Place::Frame {
+        fields,
+        after_frames,
+        ..
+    } = last.place
+    else {
+        panic!("{last:?}");
+    };
+    let place = f64::from(
+        Timecode::from_fields(fields, FrameRate::FPS_25)
+            .unwrap()
+            .frames(),
+    );
+    let expected = (place + after_frames) / 25.0 - 3_600.0;
+    // The samples arrive when their block is complete and 2 ms later.
+    let error = last.at.0 - expected;
+    assert!((0.0015..0.0045).contains(&error), "{error} s at {time:?}");
 }

@@ -1,5 +1,5 @@
-//! MIDI clock input over JACK; JACK reports the frame of each clock pulse. In: a MIDI port of a
-//! JACK server. Out: tempo messages.
+//! MIDI clock and timecode input over JACK; JACK reports the frame of each message. In: a MIDI port
+//! of a JACK server. Out: tempo messages, readings of timecode.
 //!
 //! Thread: JACK's. Real-time: [`ClockHandler::process`] only reads events and pushes tempo
 //! messages; it never allocates, locks, logs or waits.
@@ -31,15 +31,16 @@ impl ProcessHandler for ClockHandler {
     }
 }
 
-/// Registers the input port `corybant_clock:clock_in` on the JACK server, which adds a number if
-/// the name is taken. If `source` is not empty, connects the port whose name contains `source` to
+/// Registers the input port `corybant_clock:clock_in` (`corybant_timecode:timecode_in` without a
+/// clock) on the JACK server, which adds a number if the name is taken. If `source` is not empty, connects the port whose name contains `source` to
 /// the input port. Returns the full name of the input port and the client.
 ///
 /// # Errors
 /// [`MidiError::NoPort`] or [`MidiError::ManyPorts`] if `source` does not name one port,
 /// [`MidiError::Jack`] if the server does not answer or refuses.
 pub(super) fn open(source: &str, receiver: ClockReceiver) -> Result<(String, Client), MidiError> {
-    let client = join("corybant_clock")?;
+    let wanted = receiver.wanted;
+    let client = join(wanted.client_name())?;
     let source = if source.is_empty() {
         None
     } else {
@@ -49,7 +50,7 @@ pub(super) fn open(source: &str, receiver: ClockReceiver) -> Result<(String, Cli
         )?)
     };
     let port = client
-        .register_port("clock_in", MidiIn::default())
+        .register_port(wanted.port_name(), MidiIn::default())
         .map_err(refused("register a port with"))?;
     let name = port.name().map_err(refused("name a port of"))?;
     let client = Active::new(client, ClockHandler { port, receiver })?;

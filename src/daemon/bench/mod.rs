@@ -35,6 +35,7 @@ use super::record::RecordSinks;
 use super::show_thread::{EndCondition, ShowThread};
 use super::streams::Streams;
 use super::surfaces::Watchers;
+use super::timecode::ListLeader;
 use super::{DaemonError, Lateness, Samples, solving};
 
 mod flood;
@@ -169,6 +170,7 @@ impl Bench {
         let streams = Streams::new(outputs).map_err(DaemonError::Thread)?;
         let (solving, solver) = solving::start().map_err(DaemonError::Thread)?;
         let (snapshots, _watched) = Snapshot::channel(&[show.graph(0).skeleton.len()]);
+        let cues = cues.unwrap_or_else(|| CueQueue::new(1, faults.clone()));
         let thread = ShowThread {
             show,
             samples: Samples::File(FileFeed::new(
@@ -176,8 +178,9 @@ impl Bench {
                 true,
             )),
             cue_list: CueList::default(),
+            leader: ListLeader::without_timecode(&cues, Default::default()),
             streams,
-            cues: cues.unwrap_or_else(|| CueQueue::new(1, faults.clone())),
+            cues,
             performers: Performers::default(),
             watchers: Watchers::new(snapshots),
             events: Arc::new(ArrayQueue::new(1)),

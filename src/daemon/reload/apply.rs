@@ -409,6 +409,11 @@ impl LiveSettings {
                 .replace(new.page.colours.clone());
             live.push("page.colours");
         }
+        if new.timecode.engage != before.timecode.engage {
+            let engage = TempoCommand::Engage(Some(new.timecode.engage));
+            shared.cues.push(engage.into());
+            live.push("timecode.engage");
+        }
         let source = Some(new.tempo.source).filter(|&source| {
             source != before.tempo.source && self.started.tempo.sources().has(source)
         });

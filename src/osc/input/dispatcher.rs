@@ -16,15 +16,19 @@ use crate::rt::show_names::NamesReader;
 use crate::rt::takes::{NO_TAKES, TakeDesk};
 use corybant_core::cue::namespace::Namespace;
 use corybant_core::cue::osc::pattern::is_pattern;
-use corybant_core::cue::osc::{OscMap, Rejected, Resolved, Value, beat, packet};
+use corybant_core::cue::osc::{OscMap, Rejected, Resolved, Value, beat, packet, timecode};
 use corybant_core::cue::take;
 use corybant_core::fault::{Fault, Faults};
 use corybant_core::text::did_you_mean;
+use corybant_core::time::Seconds;
+use corybant_core::timecode::Reading;
 
 /// Largest number of messages with an address pattern (OSC address with wildcards, such as `*`)
 /// that are processed per second; further ones are refused. Such messages are expensive, because
 /// the pattern is compared with every OSC address.
 pub const PATTERNS_PER_SECOND_MAX: u32 = 500;
+/// Typical error of the arrival times of timecode.
+const TIMECODE_JITTER: Seconds = Seconds(0.005);
 /// Shortest time between two log lines about refused or malformed messages.
 const LOG_EVERY: Duration = Duration::from_secs(1);
 
@@ -53,6 +57,8 @@ pub struct OscDispatcher {
     log: Throttle,
     /// Recorder of takes; `None` if the show records none.
     takes: Option<TakeDesk>,
+    /// True if messages `/timecode` lead the show.
+    takes_timecode: bool,
     /// True if a show's feedback (messages with its state for control surfaces) has arrived here as
     /// input. This is logged only once.
     feedback_logged: bool,
@@ -78,6 +84,7 @@ impl OscDispatcher {
             start: Instant::now(),
             log: Throttle::default(),
             takes: None,
+            takes_timecode: false,
             feedback_logged: false,
         }
     }
@@ -104,6 +111,14 @@ impl OscDispatcher {
     /// Returns this dispatcher with a recorder of takes.
     pub fn with_takes(self, takes: Option<TakeDesk>) -> Self {
         Self { takes, ..self }
+    }
+
+    /// Returns this dispatcher, which sends the messages `/timecode` to the show if `is_on` is true.
+    pub fn with_timecode(self, is_on: bool) -> Self {
+        Self {
+            takes_timecode: is_on,
+            ..self
+        }
     }
 
     /// Takes the current labels of the show. Returns true if the namespace has grown: new labels
@@ -153,7 +168,8 @@ impl OscDispatcher {
         let mut is_feedback = false;
         let result = packet::decode(packet, &mut |address, arguments| {
             is_feedback |= address == FEEDBACK_MARKER;
-            if !is_feedback && !address.starts_with(take::PREFIX) {
+            let is_elsewhere = address.starts_with(take::PREFIX) || address == timecode::TIMECODE;
+            if !is_feedback && !is_elsewhere {
                 self.process_message(now, address, arguments, from, each);
             }
         });
@@ -161,6 +177,7 @@ impl OscDispatcher {
             self.log_feedback(from);
         } else {
             self.process_takes(packet, from);
+            self.process_timecode(packet, from);
         }
         if let Err(error) = result {
             self.count_malformed(|| format!("ignored bytes from {from} that are not OSC: {error}"));
@@ -177,6 +194,37 @@ impl OscDispatcher {
                 (Ok(_), None) => NO_TAKES.into(),
             };
             self.count_malformed(|| format!("ignored OSC from {from}: {why}"));
+        });
+    }
+
+    /// Sends the timecode in `packet` to the show.
+    fn process_timecode(&mut self, packet: &[u8], from: &dyn Display) {
+        let at = self.queue.clock().at(Instant::now());
+        timecode::places(packet, &mut |place| {
+            let place = match (place, self.takes_timecode) {
+                (Ok(place), true) => place,
+                (Ok(_), false) => {
+                    return self.count_malformed(|| {
+                        format!("ignored /timecode from {from}: [timecode] source of the show file is not \"osc\"")
+                    });
+                }
+                (Err(error), _) => {
+                    self.faults.count(Fault::BadTimecode);
+                    return self
+                        .log
+                        .warn(|| format!("ignored OSC from {from}: {error}"));
+                }
+            };
+            // Before the start of the show there is nothing to lead.
+            if let Some(at) = at {
+                self.queue.send_timecode(Reading {
+                    at,
+                    place,
+                    frame: None,
+                    jitter: TIMECODE_JITTER,
+                    is_locate: false,
+                });
+            }
         });
     }
 

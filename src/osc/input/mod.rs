@@ -23,7 +23,7 @@ use corybant_core::fault::Fault;
 pub mod dispatcher;
 mod feedback_sender;
 pub mod own_address;
-pub(super) mod receive_error;
+pub(crate) mod receive_error;
 mod settings;
 
 use dispatcher::{OscDispatcher, Received};

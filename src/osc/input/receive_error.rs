@@ -9,7 +9,7 @@ const TOO_LONG: i32 = 10040;
 
 /// The meaning of an error of a UDP socket that receives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::osc) enum ReceiveError {
+pub(crate) enum ReceiveError {
     /// No datagram arrived: a timeout, a signal, or (on Windows) the reply of a receiver that has
     /// closed its socket. The socket is as before.
     Nothing,
@@ -21,7 +21,7 @@ pub(in crate::osc) enum ReceiveError {
 
 impl ReceiveError {
     /// Returns the meaning of `error`.
-    pub(in crate::osc) fn of(error: &Error) -> Self {
+    pub(crate) fn of(error: &Error) -> Self {
         match error.kind() {
             _ if error.raw_os_error() == Some(TOO_LONG) => Self::TooLong,
             ErrorKind::WouldBlock

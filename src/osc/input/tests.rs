@@ -8,6 +8,7 @@ use corybant_core::cue::{Cue, DanceCommand, Launch};
 use corybant_core::fault::Faults;
 use corybant_core::tempo::command::TempoCommand;
 use corybant_core::time::{Bpm, Seconds};
+use corybant_core::timecode::Place;
 
 const NEVER: Duration = Duration::from_secs(10);
 
@@ -319,4 +320,36 @@ fn long_datagrams_are_counted_on_every_system() {
     receiver.process_error(&Error::from_raw_os_error(10040));
     receiver.process_error(&std::io::ErrorKind::TimedOut.into());
     assert_eq!(faults.of(Fault::BadOsc), 1);
+}
+
+#[test]
+fn timecode_leads_only_a_show_with_this_source_and_malformed_timecode_is_counted() {
+    let faults = Arc::new(Faults::default());
+    let queue = CueQueue::new(64, faults.clone());
+    queue.clock().start();
+    let dispatcher = || OscDispatcher::new(&[], false, queue.clone(), faults.clone());
+    let mut count = 0;
+    let mut send = |dispatcher: &mut OscDispatcher, bytes: &[u8]| {
+        dispatcher.process(bytes, &"a test", &mut |_| {
+            count += 1;
+            true
+        });
+    };
+    let (mut on, mut off) = (dispatcher().with_timecode(true), dispatcher());
+    let good = b"/timecode\0\0\0,s\0\x0001:00:00:05\0";
+    send(&mut on, good);
+    let reading = queue.pop_timecode().unwrap();
+    assert!(matches!(reading.place, Place::Frame { fields, .. } if fields.frames == 5));
+    send(&mut off, good);
+    send(&mut on, b"/timecode\0\0\0,s\0\x0001:00:00:30\0");
+    send(&mut on, b"/timecode\0\0\0,\0\0\0");
+    assert!(queue.pop_timecode().is_none());
+    assert_eq!(
+        (faults.of(Fault::BadOsc), faults.of(Fault::BadTimecode)),
+        (1, 2)
+    );
+    send(&mut on, b"/timecode/engage\0\0\0\0,i\0\0\0\0\0\0");
+    let engage = TempoCommand::Engage(Some(false));
+    assert_eq!(queue.pop(), Some(Cue::Tempo(engage)));
+    assert_eq!(count, 1, "only the switch is a message of the table");
 }

@@ -1,4 +1,4 @@
-// Machine status: lateness of poses, outputs, performers, last messages received. In: the show's vitals, once per second. Out: text on the page.
+// Machine status: lateness of poses, outputs, performers, timecode, last messages received. In: the show's vitals, once per second. Out: text on the page.
 
 // Highlight a lateness above this. A frame at 60 Hz lasts 16.7 ms.
 const LATE_MS = 8;
@@ -24,6 +24,20 @@ function performerRow({ dancer, listen, sender, state, poses, age_ms: age, fault
   return [Object.assign(document.createElement('dt'), { textContent: dancer }), text];
 }
 
+function timecodeText({ source, state, frame, rate, song, engaged }) {
+  const at = frame ? `${frame}${rate ? ` (${rate})` : ''}` : null;
+  const place = song !== null && `song ${song.toFixed(1)} s`;
+  return [source, state, at, place, !engaged && 'not engaged'].filter(Boolean).join(', ');
+}
+
+function showTimecode(timecode) {
+  const text = $('timecode');
+  text.hidden = !timecode;
+  $('timecode-name').hidden = !timecode;
+  text.textContent = timecode ? timecodeText(timecode) : '';
+  text.dataset.failing = Boolean(timecode?.engaged) && ['waiting', 'lost'].includes(timecode.state);
+}
+
 /** Shows `vitals`. */
 export function showMachine(vitals) {
   const { late_ms_p99: p99, late_ms_max: most, missed } = vitals;
@@ -32,6 +46,7 @@ export function showMachine(vitals) {
   $('outputs').tBodies[0].replaceChildren(...vitals.outputs.map(row));
   $('performers').replaceChildren(...vitals.performers.flatMap(performerRow));
   $('performers').hidden = vitals.performers.length === 0;
+  showTimecode(vitals.timecode);
   if (vitals.osc) $('last-osc').textContent = vitals.osc;
   if (vitals.midi) $('last-midi').textContent = vitals.midi;
 }

@@ -296,10 +296,14 @@ fn every_message_of_the_verb_table_sends_its_command() {
             Command::Nudge => Value::Number(-10.0),
             Command::Bpm => Value::Number(128.0),
             Command::Source => Value::Source(TempoSource::Link),
-            Command::Freeze => Value::Number(1.0),
+            Command::Freeze | Command::Engage => Value::Number(1.0),
             Command::Intensity => Value::Number(0.7),
             Command::Performer => Value::Number(0.5),
-            Command::Button(_) | Command::Offset | Command::Beat | Command::Sync => Value::Absent,
+            Command::Button(_)
+            | Command::Offset
+            | Command::Beat
+            | Command::Timecode
+            | Command::Sync => Value::Absent,
         };
         let cue = verb.command.cue(value).map(ClientRequest::Cue);
         assert_eq!(messages.resolve(verb.message).ok(), cue, "{}", verb.message);

@@ -20,8 +20,8 @@ const CRATES: [Crate; 5] = [
     Crate {
         folder: "crates/corybant-core/src",
         modules: &[
-            "maths", "time", "fault", "dsp", "motion", "beat", "tempo", "graph", "cue", "plan",
-            "dance", "show", "encode", "decode",
+            "maths", "time", "fault", "timecode", "dsp", "motion", "beat", "tempo", "graph", "cue",
+            "plan", "dance", "show", "encode", "decode",
         ],
         worldly: &[],
     },

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use corybant::rt::cue_queue::CueQueue;
 use corybant::web::{
-    CLIENTS_MAX, MESSAGE_BYTES_MAX, MESSAGES_HZ_MAX, Page, PageError, Settings, Snapshot, Vitals,
+    CLIENTS_MAX, MESSAGE_BYTES_MAX, MESSAGES_HZ_MAX, PageError, Settings, Snapshot, Vitals,
     WebContext, serve,
 };
 use corybant_core::cue::{Cue, DanceCommand, Launch};
@@ -19,140 +19,10 @@ use corybant_core::fault::{Fault, Faults};
 use corybant_core::tempo::command::TempoCommand;
 use corybant_core::time::Bpm;
 use serde_json::Value;
-use tungstenite::client::IntoClientRequest;
-use tungstenite::handshake::HandshakeError;
-use tungstenite::{Message, WebSocket};
+use tungstenite::Message;
 
+use super::rig::{Client, Rig, WAIT_MAX, connect};
 use crate::common::puppet;
-
-/// The longest wait for an event. It is enough for a busy machine; only a failing test waits this
-/// long.
-const WAIT_MAX: Duration = Duration::from_secs(20);
-
-struct Rig {
-    page: Page,
-    input: triple_buffer::Input<Snapshot>,
-    puppet: puppet::Puppet,
-    cues: CueQueue,
-    faults: Arc<Faults>,
-}
-
-impl Rig {
-    fn new() -> Self {
-        Self::with_joints(puppet::JOINT_COUNT)
-    }
-
-    fn with_joints(joints: usize) -> Self {
-        Self::serving(&any_port(), joints)
-    }
-
-    fn serving(settings: &Settings, joints: usize) -> Self {
-        let faults = Arc::new(Faults::default());
-        let cues = CueQueue::new(8, Arc::clone(&faults));
-        let (input, output) = Snapshot::channel(&[joints]);
-        let page = serve(
-            settings,
-            puppet::about(),
-            output,
-            WebContext::minimal(cues.clone(), Arc::clone(&faults)),
-        )
-        .unwrap();
-        Self {
-            page,
-            input,
-            puppet: puppet::Puppet::default(),
-            cues,
-            faults,
-        }
-    }
-
-    /// Moves the simulated show to the time `time` (seconds) without a cue.
-    fn tick(&mut self, time: f64) {
-        let quiet = CueQueue::new(1, Arc::default());
-        self.puppet
-            .tick(time, &quiet, self.input.input_buffer_mut());
-        self.input.publish();
-    }
-
-    fn client(&self) -> Client {
-        Client::new(self.page.local_addr())
-    }
-
-    /// Waits for the next cue in the queue and returns it.
-    fn cue(&self) -> Cue {
-        let start = Instant::now();
-        loop {
-            if let Some(cue) = self.cues.pop() {
-                return cue;
-            }
-            assert!(start.elapsed() < WAIT_MAX, "no cue came");
-            std::thread::yield_now();
-        }
-    }
-}
-
-fn any_port() -> Settings {
-    Settings {
-        listen: "127.0.0.1:0".into(),
-        ..Settings::default()
-    }
-}
-
-struct Client(WebSocket<TcpStream>);
-
-impl Client {
-    fn new(addr: SocketAddr) -> Self {
-        Self(connect(addr, &[]).unwrap())
-    }
-
-    fn send(&mut self, text: &str) {
-        self.0.send(Message::text(text)).unwrap();
-    }
-
-    /// Returns the next message of the type `kind`; ignores others.
-    fn receive(&mut self, kind: &str) -> Value {
-        loop {
-            let Message::Text(text) = self.0.read().unwrap() else {
-                continue;
-            };
-            let json: Value = serde_json::from_str(&text).unwrap();
-            if json["type"] == kind {
-                return json;
-            }
-        }
-    }
-
-    /// Returns the state at the show time `t` (seconds); ignores earlier states.
-    fn state_at(&mut self, t: f64) -> Value {
-        loop {
-            let state = self.receive("state");
-            if state["t"] == t {
-                return state;
-            }
-        }
-    }
-}
-
-/// Opens the page's WebSocket with the HTTP headers `headers`. Returns the HTTP status code as the
-/// error if the server refuses it.
-fn connect(
-    addr: SocketAddr,
-    headers: &[(&'static str, &str)],
-) -> Result<WebSocket<TcpStream>, u16> {
-    let mut request = format!("ws://{addr}/live").into_client_request().unwrap();
-    for (name, value) in headers {
-        request.headers_mut().insert(*name, value.parse().unwrap());
-    }
-    let stream = TcpStream::connect(addr).unwrap();
-    stream.set_read_timeout(Some(WAIT_MAX)).unwrap();
-    match tungstenite::client(request, stream) {
-        Ok((socket, _)) => Ok(socket),
-        Err(HandshakeError::Failure(tungstenite::Error::Http(response))) => {
-            Err(response.status().as_u16())
-        }
-        Err(error) => panic!("{error}"),
-    }
-}
 
 /// Sends a GET request for `path`. Returns the whole response, with its headers.
 fn get(addr: SocketAddr, path: &str, headers: &str) -> String {

@@ -1,10 +1,12 @@
 //! Tests of the web pages, most of them in a browser.
 
+mod api;
 mod browser;
 mod drawn;
 mod import;
 mod messages;
 mod play;
+mod rig;
 mod score;
 mod stage;
 mod takes;

@@ -122,7 +122,7 @@ pub(super) fn parse_in_list(text: &str) -> Result<Cue, ControlTextError> {
 /// Returns true if `verb` (an entry of the command table) is a tempo command, such as tap or nudge.
 fn is_tempo(verb: &Verb) -> bool {
     verb.address
-        .is_some_and(|address| address.starts_with("/tempo/"))
+        .is_some_and(|address| address.starts_with("/tempo/") || address.starts_with("/timecode/"))
 }
 
 /// Parses `text`, a command without its `!`. Accepts the command only if `allowed` returns true for
@@ -339,7 +339,7 @@ mod tests {
             ("nudge 1 2", "`nudge` takes"),
             (
                 "source",
-                "`source` takes audio, link, midi, osc, tap or fixed",
+                "`source` takes audio, link, midi, osc, tap, fixed or timecode",
             ),
             ("source 1", "`source` takes"),
             ("source radio", "`source` takes"),
@@ -354,7 +354,7 @@ mod tests {
     fn an_unknown_command_is_refused_with_what_is_allowed() {
         assert_eq!(
             parse("triple").unwrap_err().to_string(),
-            "unknown command `triple`; allowed are panic, hold, release, intensity NUMBER, performer NUMBER, follow, tap, nudge MILLISECONDS, half, double, downbeat, bpm BEATS_PER_MINUTE, source NAME, freeze [1|0], record_stop, record_undo"
+            "unknown command `triple`; allowed are panic, hold, release, intensity NUMBER, performer NUMBER, follow, tap, nudge MILLISECONDS, half, double, downbeat, bpm BEATS_PER_MINUTE, source NAME, freeze [1|0], timecode [1|0], record_stop, record_undo"
         );
         assert!(
             parse("")
@@ -371,7 +371,7 @@ mod tests {
         assert_eq!(parse_tempo("half"), Ok(TempoCommand::Half));
         assert_eq!(
             parse_tempo("panic").unwrap_err().to_string(),
-            "unknown command `panic`; allowed are tap, nudge MILLISECONDS, half, double, downbeat, bpm BEATS_PER_MINUTE, source NAME, freeze [1|0]"
+            "unknown command `panic`; allowed are tap, nudge MILLISECONDS, half, double, downbeat, bpm BEATS_PER_MINUTE, source NAME, freeze [1|0], timecode [1|0]"
         );
         assert_eq!(parse_in_list("panic"), Ok(DanceCommand::Panic.into()));
         assert_eq!(

@@ -38,7 +38,8 @@ pub fn limited(command: TempoCommand, bpm_range: &RangeInclusive<f64>) -> Option
         | TempoCommand::Double
         | TempoCommand::Downbeat
         | TempoCommand::Source(_)
-        | TempoCommand::Freeze(_) => Some(command),
+        | TempoCommand::Freeze(_)
+        | TempoCommand::Engage(_) => Some(command),
     }
 }
 

@@ -17,7 +17,8 @@ use crate::plan::CommittedStep;
 use super::Settings;
 use super::blend::{Edge, InertialOffset, OffsetMemory, Placement, Splice};
 use super::cut::{Cut, Ease};
-use super::foot_lock::{FEET, Feet, Foot, FootLocks, Planting};
+use super::foot_lock::{FEET, Feet, Foot, FootPaths, Planting};
+use super::footing::{Change, Footing};
 use super::segment::{Blend, ClipLine, Segment};
 use super::stage_bounds::{StageBounds, Travel};
 
@@ -33,10 +34,7 @@ const LOOKAHEAD_BEATS: NodeId = 4;
 /// Number of motion beats over which the direction is measured in which a motion faces.
 const FACING_BEATS: Range<i32> = 0..6;
 /// Shares of the turn towards the audience that are tried, until every standing foot can be locked.
-const FACING_SHARES: [f32; 4] = [1.0, 0.6, 0.3, 0.0];
-/// Fraction of a blend after which a foot that was in the air when the motion changed can be
-/// locked. A foot that stood at that time can be locked at once.
-const LANDED_SHARE: f64 = 0.5;
+const FACING_SHARES: [f32; 7] = [1.0, 0.8, 0.6, 0.45, 0.3, 0.15, 0.0];
 /// Time between the two poses of a motion from which its velocity is computed when the motion
 /// changes, in beats.
 const SPEED_STEP_BEATS: f64 = 0.02;
@@ -127,7 +125,7 @@ impl Dancer {
             line,
             end_beat,
             blend: blend(),
-            foot_locks: FootLocks::default(),
+            foot_paths: FootPaths::default(),
         });
         dancer
     }
@@ -146,7 +144,11 @@ impl Dancer {
         if step.via == step.from && !self.last().line.previous && self.may_continue(step) {
             let end_beat = beats.end;
             let line = self.edge_line(nodes, beats, self.last().line.placement);
-            let foot_locks = self.last().foot_locks.after_blend(line.frame);
+            let frame = line.frame;
+            let foot_paths = self
+                .last()
+                .foot_paths
+                .map(|path| path.filter(|path| path.share(frame) > 0.0));
             let blend = Blend {
                 beats: 0.0,
                 ..self.free_blend()
@@ -155,7 +157,7 @@ impl Dancer {
                 line,
                 end_beat,
                 blend,
-                foot_locks,
+                foot_paths,
             });
         } else {
             let ease = Ease {
@@ -198,6 +200,10 @@ impl Dancer {
     /// forwards.
     pub fn pose_at(&self, beat: f64, pose: &mut Pose) {
         self.segment_pose(self.segment_at(beat), beat, pose);
+        if !self.bounds.is_free(pose.root, self.feet.reach()) {
+            let inside = |place| self.bounds.soft_clamp(place);
+            self.feet.warp(&self.graph.skeleton, inside, pose);
+        }
     }
 
     /// Sets `pose` to the dancer's pose at the beat position `beat`, without the corrections by
@@ -261,18 +267,17 @@ impl Dancer {
         }
     }
 
-    /// Sets `pose` to the pose of `segment` at the beat position `beat`, with blend, foot lock and
-    /// stage bounds. `beat` may be outside of the segment.
+    /// Sets `pose` to the pose of `segment` at the beat position `beat`, with blend and foot lock,
+    /// but without stage bounds. `beat` may be outside of the segment.
     fn segment_pose(&self, segment: &Segment, beat: f64, pose: &mut Pose) {
         let (clip, blended) = self.blended(segment, beat, pose);
         let planting = Planting {
             frame: segment.line.frame_at(beat),
-            locks: &segment.foot_locks,
+            paths: &segment.foot_paths,
             clip: &clip,
             blended: blended as f32,
         };
         self.feet.plant(&self.graph.skeleton, &planting, pose);
-        pose.root = self.bounds.soft_clamp(pose.root);
     }
 
     /// Sets `pose` to the blended pose of `segment` at the beat position `beat`, without foot lock
@@ -356,16 +361,24 @@ impl Dancer {
             to: self.ahead_of(nodes.start, &straight),
         };
         let mut line = self.edge_line(nodes, beats, straight);
-        let standing = self.standing(&old, &line);
-        let feet = self.feet.of(&self.graph.skeleton, &at);
+        let change = Change {
+            old: (self.graph_of(&old), &old),
+            new: (&self.graph, &line),
+            step_frames: SPEED_STEP_BEATS * line.frames_per_beat,
+        };
+        let footing = Footing::new(&self.feet, &change, [&at, &before], period);
+        let mut feet = self.feet.of(&self.graph.skeleton, &at);
         for share in FACING_SHARES {
             line.placement = self.bounds.steer(&straight, travel, share);
             line.pose_at(&self.graph, begin, &mut new);
-            let turned = self.feet.of(&self.graph.skeleton, &new);
-            if (0..FEET).all(|i| !standing[i] || Feet::may_lock(&feet[i], &turned[i])) {
+            feet = self.feet.of(&self.graph.skeleton, &new);
+            if footing.keeps_headings(&feet) {
                 break;
             }
         }
+        line.placement.shift += footing.shift(&feet, at.root);
+        line.pose_at(&self.graph, begin, &mut new);
+        feet = self.feet.of(&self.graph.skeleton, &new);
         line.pose_at(&self.graph, begin + SPEED_STEP_BEATS, &mut after);
         let mut blend = self.free_blend();
         let step = (SPEED_STEP_BEATS * period) as f32;
@@ -383,72 +396,16 @@ impl Dancer {
             .offset
             .measure(&self.graph.skeleton, &splice, step, &mut self.offset_memory);
         (blend.beats, blend.period) = (blend_beats.min(end_beat - begin), period);
-        let mut segment = Segment {
+        line.pose_at(&self.graph, line.beat_of(line.frame + 1.0), &mut after);
+        let later = self.feet.of(&self.graph.skeleton, &after);
+        let rate = line.frames_per_beat / period;
+        self.segments.push(Segment {
             line,
             end_beat,
             blend,
-            foot_locks: FootLocks::default(),
-        };
-        segment.foot_locks = self.foot_locks(&old, &segment, [&mut new, &mut after]);
-        self.segments.push(segment);
+            foot_paths: footing.paths([&feet, &later], line.frame, rate),
+        });
         self.scratch = [at, before, new, after];
-    }
-
-    /// Returns true for each foot that stands at the end of the motion `old` and at the start of
-    /// the motion `new`.
-    fn standing(&self, old: &ClipLine, new: &ClipLine) -> [bool; FEET] {
-        let stands = |line: &ClipLine| {
-            let frame = line.frame_at(new.beat);
-            self.feet
-                .contacts(&self.graph_of(line).clips[line.clip as usize], frame)
-                .map(|it| it.is_some_and(|(first, _)| first <= frame))
-        };
-        let (before, after) = (stands(old), stands(new));
-        std::array::from_fn(|i| before[i] && after[i])
-    }
-
-    /// Returns the foot locks of `segment` (part of a clip), which follows the motion `old`. The
-    /// two poses are work memory and are overwritten.
-    fn foot_locks(
-        &self,
-        old: &ClipLine,
-        segment: &Segment,
-        [clip_pose, blended]: [&mut Pose; 2],
-    ) -> FootLocks {
-        let (graph, line) = (&self.graph, &segment.line);
-        let (info, splice) = (&graph.clips[line.clip as usize], line.frame);
-        let over = line.frame_at(line.beat + segment.blend.beats);
-        let old_frame = old.frame_at(line.beat);
-        let stood = self
-            .feet
-            .contacts(&self.graph_of(old).clips[old.clip as usize], old_frame)
-            .map(|it| it.is_some_and(|(first, _)| first <= old_frame));
-        let mut foot_locks = FootLocks::default();
-        for (foot, contact) in self.feet.contacts(info, splice).into_iter().enumerate() {
-            let Some((first, last)) = contact else {
-                continue;
-            };
-            let landed = if stood[foot] {
-                splice
-            } else {
-                splice + LANDED_SHARE * (over - splice)
-            };
-            let from = first.max(landed);
-            if from >= over.min(last) {
-                continue;
-            }
-            let [now, soon] = [from, from + 1.0].map(|frame| {
-                let beat = line.beat_of(frame);
-                line.pose_at(graph, beat, clip_pose);
-                self.segment_pose(segment, beat, blended);
-                [&*clip_pose, &*blended].map(|pose| self.feet.of(&graph.skeleton, pose)[foot])
-            });
-            foot_locks.locks[foot] = Feet::lock([now[1], soon[1]], [now[0], soon[0]], from..last);
-            if foot_locks.locks[foot].is_none() && stood[foot] && first <= splice {
-                foot_locks.lifts[foot] = Feet::lift(&now[1], &now[0]);
-            }
-        }
-        foot_locks
     }
 
     /// Returns the placement of a clip on the stage for which the root at `node` is at the position

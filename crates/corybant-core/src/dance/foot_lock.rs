@@ -1,48 +1,39 @@
-//! Foot lock: keeps planted feet in place during and after a blend, and keeps all feet above the
-//! floor.
+//! Foot lock: keeps planted feet in place during and after a blend, lets other feet step, and keeps
+//! all feet above the floor.
 //!
 //! In: a motion before and after blending, and its foot contacts. Out: the pose with changed legs,
 //! by two-bone inverse kinematics. Space: stage space. Thread: show. Allocates: only in `new`.
 //!
-//! A foot that stands when a blend starts stays where it stood before; a foot that lands during the
-//! blend stays where it lands. The difference between this position and the clip's own foot
-//! position is kept until the clip lifts the foot, and is removed while the foot is in the air
-//! (compare Kovar et al., "Footskate Cleanup for Motion Capture Editing", 2002). Only the
-//! horizontal position and the heading of a foot are locked; its height is that of the motion.
-
-use std::ops::Range;
+//! At a splice each foot gets a path ([`FootPath`]): a foot that stands before and after it stays
+//! where it is, and any other foot gets to its place in the new motion through the air. After its
+//! path, a foot follows the clip.
 
 use glam::{Quat, Vec3};
 
 use crate::graph::ClipInfo;
-use crate::maths;
-use crate::motion::humanoid::{Bone, Humanoid};
-use crate::motion::pose::heading;
-use crate::motion::{MOTION_FPS, Pose, Skeleton};
+use crate::motion::leg::{Leg, smooth};
+use crate::motion::{Contact, FootPart, Pose, Skeleton};
 
-pub use super::leg::Foot;
-use super::leg::{Leg, smooth};
+pub use super::foot_path::{FootPath, Meeting};
+pub use crate::motion::leg::Foot;
 
 /// Number of feet of a dancer.
 pub const FEET: usize = 2;
-/// Number of frames over which a foot lock (which keeps a standing foot in place) fades out, after
-/// the clip has lifted the foot.
-const RELEASE_FRAMES: f64 = 0.25 * MOTION_FPS;
-/// Number of frames in which a foot that still moves when its lock begins slows down to rest.
-const EASE_FRAMES: f64 = 8.0;
+/// Number of frames between two contacts of a foot up to which both belong to one stance, because
+/// a lock cannot fade out in between.
+const SWING_FRAMES_MIN: f64 = 8.0;
 /// Largest distance, in metres along the floor, at which a foot is locked: the distance between its
-/// position in the blended pose and its position in the clip.
-const LOCK_DISTANCE_MAX: f32 = 0.3;
+/// position in the sent pose and its position in the clip.
+const LOCK_DISTANCE_MAX: f32 = 0.12;
 /// Largest angle, in radians, at which a foot is locked: the angle between its heading in the
-/// blended pose and its heading in the clip.
-const TURN_MAX: f32 = 0.6;
-/// Height by which a foot is lifted when it moves to a new place during a blend. `.0` is the height
-/// as a fraction of the distance between the old and the new place, `.1` the largest height in
-/// metres.
-const LIFTED: (f32, f32) = (0.3, 0.1);
+/// sent pose and its heading in the clip.
+const TURN_MAX: f32 = 0.7;
 /// Lowest allowed height of the sole of a foot above the floor, in metres; a sole that is lower is
 /// raised to it.
 const FLOOR: f32 = -0.003;
+/// Distance by which the edge of the stage moves a foot relative to the hips at which the hips give
+/// way fully, in metres.
+const WARP_FULL: f32 = 0.05;
 /// Fraction of a blend over which the correction of knees that bend backwards fades in at the start
 /// of the blend, and fades out at its end.
 const KNEE_GUARD_SHARE: f32 = 0.3;
@@ -50,73 +41,18 @@ const KNEE_GUARD_SHARE: f32 = 0.3;
 /// knees that bend backwards is fully active. A smaller depth activates it partly.
 const KNEE_GUARD_HEIGHT: f32 = 0.04;
 
-/// The lock of one foot: for a range of frames, the foot stays in place instead of following the
-/// clip. The lock is stored as a difference from the foot in the clip.
+/// `[foot]`, left foot first: the path of the foot; `None` for a foot that follows the clip.
+pub type FootPaths = [Option<FootPath>; FEET];
+
+/// A time in which the heel or the toes of a foot stand, or one after the other.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FootLock {
-    /// Horizontal vector from the foot in the clip to the place where the foot is locked, in
-    /// metres; y is 0.
-    away: Vec3,
-    /// Rate of change of the vector `away` when the lock started, in metres per frame. The rate
-    /// decays to 0 within [`EASE_FRAMES`].
-    speed: Vec3,
-    /// Rotation about Y from the heading of the foot in the clip to the heading at which the foot
-    /// is locked.
-    turned: Quat,
-    /// First and last frame of the clip between which the foot is locked; the lock fades out after
-    /// the last one.
-    frames: (f64, f64),
-}
-
-/// The corrections of both feet: a lock keeps a standing foot in place, and a lift raises a foot
-/// while it moves to a new place during a blend.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct FootLocks {
-    /// `[foot]`, left foot first: the lock that keeps the foot in place; `None` if the foot is not
-    /// locked.
-    pub locks: [Option<FootLock>; FEET],
-    /// `[foot]`: largest height by which the foot is lifted during the blend, in metres; 0 if it is
-    /// not lifted. A foot is lifted only if it stands in both the old and the new motion when the
-    /// blend starts, but its two positions or headings differ too much for a lock.
-    pub lifts: [f32; FEET],
-}
-
-impl FootLocks {
-    /// Returns the foot locks that are still needed after the blend, which ends at `frame` of the
-    /// clip. The result has no lifts and no locks that have faded out.
-    pub fn after_blend(&self, frame: f64) -> Self {
-        Self {
-            locks: self
-                .locks
-                .map(|lock| lock.filter(|lock| !lock.is_over(frame))),
-            lifts: [0.0; FEET],
-        }
-    }
-}
-
-impl FootLock {
-    /// Returns the weight of the lock at `frame` of the clip: 0 before the lock, 1 while it is
-    /// active, then a smooth fall to 0.
-    fn share(&self, frame: f64) -> f32 {
-        let (from, until) = self.frames;
-        if frame < from {
-            return 0.0;
-        }
-        let left = 1.0 - ((frame - until) / RELEASE_FRAMES).clamp(0.0, 1.0);
-        (left * left * (3.0 - 2.0 * left)) as f32
-    }
-
-    /// Returns the horizontal vector from the foot in the clip to the locked foot at `frame` of the
-    /// clip, in metres.
-    fn away_at(&self, frame: f64) -> Vec3 {
-        let into = (frame - self.frames.0).clamp(0.0, EASE_FRAMES);
-        self.away + self.speed * (into * maths::powi(1.0 - into / EASE_FRAMES, 2)) as f32
-    }
-
-    /// Returns true if the lock has faded out completely at `frame` of the clip.
-    fn is_over(&self, frame: f64) -> bool {
-        frame >= self.frames.1 + RELEASE_FRAMES
-    }
+pub struct Stance {
+    /// First and last frame of the clip in which the foot stands.
+    pub frames: (f64, f64),
+    /// First frame of the next stance of the foot; infinite if there is none.
+    pub next: f64,
+    /// `[part]`, heel first: true if the part stands at the frame that was asked for.
+    pub parts: [bool; 2],
 }
 
 /// The input of `Feet::plant`, which corrects the feet of a blended pose.
@@ -124,8 +60,8 @@ impl FootLock {
 pub struct Planting<'a> {
     /// Frame of the clip that is danced at this time, with fractions.
     pub frame: f64,
-    /// Foot locks of the part of the clip that is danced.
-    pub locks: &'a FootLocks,
+    /// Paths of the feet in the part of the clip that is danced.
+    pub paths: &'a FootPaths,
     /// `[foot]`: position and rotation of the foot in the clip without the blend, in stage space.
     pub clip: &'a [Foot; FEET],
     /// Progress of the blend from the previous motion, from 0 (its start) to 1 (its end).
@@ -137,35 +73,33 @@ pub struct Planting<'a> {
 pub struct Feet {
     /// Left and right leg; empty if the skeleton is not a humanoid with two legs.
     legs: Vec<Leg>,
+    /// Largest distance of a point of a foot from the root, in metres.
+    reach: f32,
 }
 
 impl Feet {
     /// Finds the legs of `skeleton`. For a skeleton without two humanoid legs the result has no
     /// legs, and no foot is ever locked.
     pub fn new(skeleton: &Skeleton) -> Self {
-        let humanoid = Humanoid::new(skeleton);
-        let mapped = |bone: Bone| humanoid.find(bone).map(|at| humanoid.bones[at]);
-        let sides = [
-            [Bone::LeftUpperLeg, Bone::LeftLowerLeg, Bone::LeftFoot],
-            [Bone::RightUpperLeg, Bone::RightLowerLeg, Bone::RightFoot],
-        ];
-        let leg = |[thigh, shin, foot]: [Bone; 3]| {
-            let hip = mapped(thigh)?;
-            // In the T-pose, knees bend about the axis from side to side, so that the shins move
-            // back.
-            Leg::new(
-                skeleton,
-                [hip.joint, mapped(shin)?.joint, mapped(foot)?.joint],
-                hip.rebase * Vec3::NEG_X,
-            )
+        let legs = Leg::both(skeleton);
+        let length = |leg: &Leg| -> f32 {
+            let up = |&joint: &usize| skeleton.joints[joint].parent;
+            let chain = std::iter::successors(Some(leg.joints[2]), up);
+            let bones = chain.filter(|&joint| skeleton.joints[joint].parent.is_some());
+            bones
+                .map(|joint| skeleton.joints[joint].offset.length())
+                .sum::<f32>()
+                + leg.toe.length()
         };
         Self {
-            legs: sides
-                .into_iter()
-                .map(leg)
-                .collect::<Option<_>>()
-                .unwrap_or_default(),
+            reach: legs.iter().map(length).fold(0.0, f32::max),
+            legs,
         }
+    }
+
+    /// Returns the largest distance of a point of a foot from the root, in metres.
+    pub fn reach(&self) -> f32 {
+        self.reach
     }
 
     /// Returns the indices in the skeleton of the left and the right ankle joint; empty if the
@@ -190,57 +124,47 @@ impl Feet {
         feet
     }
 
-    /// Returns, for each foot, the first and the last frame of its contact with the floor at
-    /// `frame` of `clip` or, without such a contact, of the next contact; `None` if there is no
-    /// later one. Contacts that follow each other too closely for a lock to fade out are joined.
-    pub fn contacts(&self, clip: &ClipInfo, frame: f64) -> [Option<(f64, f64)>; FEET] {
+    /// Returns the point of a foot on which it stands, in the space of the ankle. `parts` says
+    /// whether heel and toes stand; if both or neither stands, it is the middle.
+    pub fn standing_point(&self, foot: usize, parts: [bool; 2]) -> Vec3 {
+        let toe = self.legs.get(foot).map_or(Vec3::ZERO, |leg| leg.toe);
+        match parts {
+            [true, false] => Vec3::ZERO,
+            [false, true] => toe,
+            _ => 0.5 * toe,
+        }
+    }
+
+    /// Returns, for each foot, its stance (time in which it stands) at `frame` of `clip` or, without
+    /// one, the next stance; `None` if there is no later one.
+    pub fn stances(&self, clip: &ClipInfo, frame: f64) -> [Option<Stance>; FEET] {
         let mut found = [None; FEET];
         for (found, leg) in found.iter_mut().zip(&self.legs) {
-            for contact in clip
-                .contacts
-                .iter()
-                .filter(|contact| usize::from(contact.joint) == leg.joints[2])
-            {
-                let (first, last) = (f64::from(contact.first), f64::from(contact.last));
-                match found {
-                    None if last > frame => *found = Some((first, last)),
-                    Some((_, until)) if first < *until + RELEASE_FRAMES => *until = last,
-                    _ => {}
-                }
-            }
+            let contacts = || {
+                let mine = |it: &&Contact| usize::from(it.joint) == leg.joints[2];
+                clip.contacts.iter().filter(mine)
+            };
+            *found = stance(contacts, frame);
         }
         found
     }
 
-    /// Returns true if a foot can be locked: its position and heading in the blended pose,
-    /// `stands`, are near enough to those in the clip, `clip`.
-    pub fn may_lock(stands: &Foot, clip: &Foot) -> bool {
-        let away = (stands.place - clip.place) * Vec3::new(1.0, 0.0, 1.0);
-        let turned = heading(stands.turn * clip.turn.inverse());
-        away.length() <= LOCK_DISTANCE_MAX && turned.to_scaled_axis().length() <= TURN_MAX
+    /// Returns, for each foot, the first and the last frame of its stance, as in
+    /// [`Feet::stances`].
+    pub fn contacts(&self, clip: &ClipInfo, frame: f64) -> [Option<(f64, f64)>; FEET] {
+        self.stances(clip, frame)
+            .map(|stance| stance.map(|stance| stance.frames))
     }
 
-    /// Returns the lock of a foot for `frames` of the clip. Returns `None` if the position or the
-    /// heading of the foot in the blended pose differs too much from that in the clip. `stands` is
-    /// the foot in the blended pose, and `clip` is the foot in the clip. Both are given at the
-    /// first frame and one frame later.
-    pub fn lock(stands: [Foot; 2], clip: [Foot; 2], frames: Range<f64>) -> Option<FootLock> {
-        let [away, later] =
-            [0, 1].map(|i| (stands[i].place - clip[i].place) * Vec3::new(1.0, 0.0, 1.0));
-        let turned = heading(stands[0].turn * clip[0].turn.inverse());
-        Self::may_lock(&stands[0], &clip[0]).then_some(FootLock {
-            away,
-            speed: later - away,
-            turned,
-            frames: (frames.start, frames.end),
-        })
+    /// Returns true if a foot that stands can keep its place: in the sent pose, it is near enough
+    /// to its place and its heading in the clip.
+    pub fn may_lock(meeting: &Meeting, at: Vec3) -> bool {
+        meeting.away(at).length() <= LOCK_DISTANCE_MAX && Self::may_turn(meeting)
     }
 
-    /// Returns the largest height, in metres, by which a foot is lifted while it moves from
-    /// `stands` (the foot in the blended pose) to `clip` (the same foot in the clip).
-    pub fn lift(stands: &Foot, clip: &Foot) -> f32 {
-        let way = (stands.place - clip.place) * Vec3::new(1.0, 0.0, 1.0);
-        (LIFTED.0 * way.length()).min(LIFTED.1)
+    /// Returns true if a foot that stands can keep its heading.
+    pub fn may_turn(meeting: &Meeting) -> bool {
+        meeting.turn_angle() <= TURN_MAX
     }
 
     /// Moves locked feet of `pose` to their places, and raises feet that are below the floor. Also
@@ -248,36 +172,110 @@ impl Feet {
     pub fn plant(&self, skeleton: &Skeleton, planting: &Planting, pose: &mut Pose) {
         let &Planting {
             frame,
-            locks: foot_locks,
+            paths,
             clip,
             blended,
         } = planting;
         let in_blend = smooth(blended.min(1.0 - blended) / KNEE_GUARD_SHARE);
-        let arc = 16.0 * maths::powi(blended * (1.0 - blended), 2);
+        let mut drop = 0.0_f32;
+        let targets: [Option<Foot>; FEET] = std::array::from_fn(|i| {
+            let path = paths[i].filter(|path| path.share(frame) > 0.0)?;
+            let leg = self.legs.get(i)?;
+            let leg_pose = leg.pose_of(skeleton, pose);
+            let target = leg_pose.near(path.foot(frame, &clip[i], &leg_pose.foot()));
+            drop = drop.max(path.strain(frame) * leg.drop_for(&leg_pose, target.place));
+            Some(target)
+        });
+        pose.root.y -= drop;
         for (i, leg) in self.legs.iter().enumerate() {
             let leg_pose = leg.pose_of(skeleton, pose);
-            let (mut place, mut turn) = (leg_pose.places[2], leg_pose.turns[2]);
-            let share = foot_locks.locks[i].map_or(0.0, |lock| lock.share(frame));
-            if let Some(lock) = foot_locks.locks[i].filter(|_| share > 0.0) {
-                let held = clip[i].place + lock.away_at(frame);
-                place += (Vec3::new(held.x, place.y, held.z) - place) * share;
-                let more = lock.turned * heading(turn * clip[i].turn.inverse()).inverse();
-                turn = Quat::IDENTITY.slerp(more, share) * turn;
-            }
-            let sole = place.y + leg.lowest(skeleton, pose, turn);
+            let mut foot = targets[i].unwrap_or(Foot {
+                place: leg_pose.places[2] + Vec3::Y * drop,
+                turn: leg_pose.turns[2],
+            });
+            let sole = foot.place.y + leg.lowest(skeleton, pose, foot.turn);
             let sunk = (FLOOR - sole).max(0.0);
-            place.y += sunk.max(foot_locks.lifts[i] * arc);
-            let led = in_blend.max(share).max(smooth(sunk / KNEE_GUARD_HEIGHT));
-            if led > 0.0 {
-                leg.reach(&leg_pose, Foot { place, turn }, led, pose);
+            foot.place.y += sunk;
+            let strain = paths[i].map_or(0.0, |path| path.strain(frame));
+            let led = in_blend.max(strain).max(smooth(sunk / KNEE_GUARD_HEIGHT));
+            if led > 0.0 || drop > 0.0 || targets[i].is_some() {
+                leg.reach(&leg_pose, foot, led, pose);
             }
         }
     }
 }
 
+impl Feet {
+    /// Moves the root and the feet of `pose` to the places that `warp` returns for them. A foot
+    /// that stands also stands afterwards.
+    pub fn warp(&self, skeleton: &Skeleton, warp: impl Fn(Vec3) -> Vec3, pose: &mut Pose) {
+        let feet = self.of(skeleton, pose);
+        let root = warp(pose.root);
+        let moved = root - pose.root;
+        pose.root = root;
+        let mut drop = 0.0_f32;
+        let targets: [Option<Foot>; FEET] = std::array::from_fn(|i| {
+            let (leg, foot) = (self.legs.get(i)?, feet[i]);
+            let middle = foot.point(0.5 * leg.toe);
+            let place = foot.place + warp(middle) - middle;
+            let pulled = smooth((place - foot.place - moved).length() / WARP_FULL);
+            let leg_pose = leg.pose_of(skeleton, pose);
+            drop = drop.max(pulled * leg.drop_for(&leg_pose, place));
+            (pulled > 0.0).then_some(Foot { place, ..foot })
+        });
+        if targets == [None; FEET] {
+            return;
+        }
+        pose.root.y -= drop;
+        for (leg, (target, foot)) in self.legs.iter().zip(targets.into_iter().zip(feet)) {
+            let place = foot.place + moved;
+            let leg_pose = leg.pose_of(skeleton, pose);
+            leg.reach(
+                &leg_pose,
+                target.unwrap_or(Foot { place, ..foot }),
+                0.0,
+                pose,
+            );
+        }
+    }
+}
+
+/// Returns the stance at `frame`, or the next one, of a foot with `contacts`, which are sorted by
+/// part and then by time.
+fn stance<'a, I>(contacts: impl Fn() -> I, frame: f64) -> Option<Stance>
+where
+    I: Iterator<Item = &'a Contact>,
+{
+    let span = |it: &Contact| (f64::from(it.first), f64::from(it.last));
+    let later = contacts().map(span).filter(|it| it.1 > frame);
+    let mut frames = later.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    // Heel and toes overlap; each round adds the contacts that begin in the stance.
+    loop {
+        let joined = contacts()
+            .map(span)
+            .filter(|it| it.0 < frames.1 + SWING_FRAMES_MIN && it.1 + SWING_FRAMES_MIN > frames.0);
+        let whole = joined.fold(frames, |all, it| (all.0.min(it.0), all.1.max(it.1)));
+        if whole == frames {
+            break;
+        }
+        frames = whole;
+    }
+    let after = contacts().map(|it| f64::from(it.first));
+    let stands =
+        |part| contacts().any(|it| it.part == part && span(it).0 <= frame && frame <= span(it).1);
+    Some(Stance {
+        frames,
+        next: after
+            .filter(|&it| it > frames.1)
+            .fold(f64::INFINITY, f64::min),
+        parts: [stands(FootPart::Heel), stands(FootPart::Toe)],
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::maths;
     use crate::motion::Joint;
 
     /// Returns a skeleton of hips with two legs of 0.9 m, and a pose of it.
@@ -311,74 +309,15 @@ mod tests {
         (Skeleton { joints }, pose)
     }
 
-    /// Returns foot locks in which only the left foot has a lock, `left`.
-    fn locked(left: Option<FootLock>) -> FootLocks {
-        FootLocks {
-            locks: [left, None],
-            ..FootLocks::default()
-        }
-    }
-
     #[test]
-    fn a_locked_foot_stays_until_it_is_lifted_and_fades_out_smoothly() {
-        let (skeleton, pose) = legs_fixture();
-        let feet = Feet::new(&skeleton);
-        let clip = feet.of(&skeleton, &pose);
-        let stands = Foot {
-            place: clip[0].place + Vec3::new(0.08, 0.0, -0.05),
-            ..clip[0]
-        };
-        let lock = Feet::lock([stands; 2], [clip[0]; 2], 10.0..40.0);
-        let planted = |frame: f64| {
-            let mut pose = pose.clone();
-            let planting = Planting {
-                frame,
-                locks: &locked(lock),
-                clip: &clip,
-                blended: 1.0,
-            };
-            feet.plant(&skeleton, &planting, &mut pose);
-            feet.of(&skeleton, &pose)
-        };
-        for frame in [10.0, 25.0, 40.0] {
-            assert!(
-                planted(frame)[0].place.distance(stands.place) < 1e-3,
-                "{:?} at {frame}",
-                planted(frame)[0]
-            );
-            assert!(
-                planted(frame)[0].turn.angle_between(clip[0].turn) < 1e-2,
-                "the foot keeps its rotation"
-            );
-            assert!(
-                planted(frame)[1].place.distance(clip[1].place) < 1e-4,
-                "the other foot does not change"
-            );
-        }
-        let steps: Vec<Vec3> = (40..=60)
-            .map(|frame| planted(f64::from(frame))[0].place)
-            .collect();
-        assert!(
-            steps
-                .windows(2)
-                .all(|pair| pair[0].distance(pair[1]) < 0.012),
-            "{steps:?}"
-        );
-        assert!(
-            steps[20].distance(clip[0].place) < 1e-4,
-            "the foot ends at the position of the clip"
-        );
-    }
-
-    #[test]
-    fn a_foot_below_the_floor_is_lifted_and_a_distant_foot_is_not_locked() {
+    fn a_foot_below_the_floor_is_lifted() {
         let (skeleton, mut pose) = legs_fixture();
         pose.root.y -= 0.1;
         let feet = Feet::new(&skeleton);
         let clip = feet.of(&skeleton, &pose);
         let planting = Planting {
             frame: 0.0,
-            locks: &FootLocks::default(),
+            paths: &FootPaths::default(),
             clip: &clip,
             blended: 1.0,
         };
@@ -389,10 +328,5 @@ mod tests {
                 && (lifted[0].place.x - clip[0].place.x).abs() < 1e-3,
             "{lifted:?}"
         );
-        let far = Foot {
-            place: clip[0].place + Vec3::X,
-            ..clip[0]
-        };
-        assert_eq!(Feet::lock([far; 2], [clip[0]; 2], 0.0..10.0), None);
     }
 }

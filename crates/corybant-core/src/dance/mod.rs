@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `dancer` | the committed steps of a dancer, and its poses |
 //! | `blend` | placement of clips on the stage, inertial blending |
-//! | `foot_lock`, `leg` | planted feet stay in place, two-bone inverse kinematics |
+//! | `foot_lock`, `foot_path`, `footing` | planted feet stay in place, other feet step |
 //! | `segment` | the committed parts of clips |
 //! | `cut` | values of a change of motion |
 //! | `stage_bounds` | steering towards the middle of the stage |
@@ -19,7 +19,8 @@ pub mod blend;
 mod cut;
 pub mod dancer;
 pub mod foot_lock;
-mod leg;
+mod foot_path;
+mod footing;
 mod segment;
 pub mod stage_bounds;
 

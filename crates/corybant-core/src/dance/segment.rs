@@ -5,7 +5,7 @@ use crate::graph::Graph;
 use crate::motion::Pose;
 
 use super::blend::{InertialOffset, Placement};
-use super::foot_lock::FootLocks;
+use super::foot_lock::FootPaths;
 
 /// A part of a clip in time: the frame of the clip is a linear function of the beat position of the
 /// music (JP5778523, equation 27, with beats instead of seconds).
@@ -56,8 +56,8 @@ pub(super) struct Blend {
     pub(super) period: f64,
 }
 
-/// A part of one clip that the dancer is committed to dance, with the blend at its start and its
-/// foot locks.
+/// A part of one clip that the dancer is committed to dance, with the blend at its start and the
+/// paths of its feet.
 #[derive(Clone, Debug)]
 pub(super) struct Segment {
     /// The danced part of a clip: which frame falls on which beat, and where on the stage.
@@ -66,7 +66,7 @@ pub(super) struct Segment {
     pub(super) end_beat: f64,
     /// Blend from the previous segment (part of a clip) to this one.
     pub(super) blend: Blend,
-    /// Foot locks of this segment (part of a clip), which keep standing feet in place during and
-    /// after the blend.
-    pub(super) foot_locks: FootLocks,
+    /// Paths of the feet in this segment (part of a clip), which keep standing feet in place during
+    /// and after the blend.
+    pub(super) foot_paths: FootPaths,
 }

@@ -149,6 +149,12 @@ impl StageBounds {
         }
     }
 
+    /// Returns true if all positions within `distance` metres of `place` are in the free middle of the
+    /// stage, in which [`StageBounds::soft_clamp`] moves nothing.
+    pub fn is_free(&self, place: Vec3, distance: f32) -> bool {
+        flat(place - self.place).length() + distance < SOFT_SHARE * self.stage
+    }
+
     /// Returns the position `place`, moved towards the middle of the stage if it is near the edge
     /// or outside. The result is never outside the stage.
     pub fn soft_clamp(&self, place: Vec3) -> Vec3 {

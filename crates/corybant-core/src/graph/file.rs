@@ -30,7 +30,7 @@ use super::{ClipInfo, Edge, Graph, LabelId, Node, Transition};
 use crate::motion::{Mirror, Skeleton};
 
 /// The format version of graph files that this program writes; it reads no other version.
-pub const VERSION: u32 = 4;
+pub const VERSION: u32 = 5;
 
 /// The first bytes of a graph file.
 pub const MAGIC: &[u8; 8] = b"CORYGRPH";

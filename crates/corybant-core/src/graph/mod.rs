@@ -88,8 +88,8 @@ pub struct ClipInfo {
     pub spikes: u32,
     /// Descriptions of the cleaning steps that were applied to the clip, one sentence each.
     pub steps: Vec<String>,
-    /// The foot contacts (times in which a foot stands on the floor), sorted by joint and then by
-    /// time.
+    /// The foot contacts (times in which a part of a foot stands on the floor), sorted by joint,
+    /// then by part of the foot and then by time.
     pub contacts: Vec<Contact>,
     /// The times at which the beat curve (the curve in which the beats were found) has its extrema,
     /// in frames from the start of the clip. A time may lie between two frames.

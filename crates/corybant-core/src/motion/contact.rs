@@ -7,20 +7,35 @@
 //! Allocates: freely.
 //! Source: Lee et al., "Interactive Control of Avatars Animated with Human Motion Data", 2002.
 //!
-//! A foot stands while one of its low points (ankle, toes or an end site of either) is near the
-//! floor and almost still. Two speed thresholds (a hysteresis) prevent noise from ending a contact.
+//! The heel and the toes of a foot have separate contacts, because a foot rolls: the heel lands
+//! before the toes and lifts before them. A part of a foot stands while one of its points is near
+//! the floor and almost still. Two speed thresholds (a hysteresis) prevent noise from ending a
+//! contact.
 
 use super::humanoid::{Bone, Humanoid};
 use super::{Clip, Skeleton};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-/// A time during which one foot stands on the floor.
+/// The part of a foot that stands on the floor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub enum FootPart {
+    /// The ankle joint of a humanoid, which stands above the heel, or the whole foot of another
+    /// body.
+    Heel,
+    /// The toes: the toe joint and what is below it or, in a skeleton without toe joints, the tips
+    /// of the foot.
+    Toe,
+}
+
+/// A time during which the heel or the toes of one foot stand on the floor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Contact {
     /// Index of the joint that is the foot: the ankle of a humanoid, or an end joint of another
     /// body.
     pub joint: u16,
+    /// The part of the foot that stands.
+    pub part: FootPart,
     /// Index of the first frame of the contact in its clip.
     pub first: u32,
     /// Index of the last frame of the contact in its clip; this frame still belongs to the contact.
@@ -32,11 +47,11 @@ pub struct Contact {
 /// the floor is higher.
 const NEAR_SHARE: f32 = 0.03;
 /// Greatest speed at which a contact starts (the foot begins to stand), in body heights per second.
-/// The speed is that of the slowest point of the foot near the floor.
-const PLANTED_SPEED: f32 = 0.12;
+/// The speed is that along the floor, of the slowest point near the floor.
+const PLANTED_SPEED: f32 = 0.17;
 /// Speed above which a contact ends (the foot no longer stands), in body heights per second. The
-/// speed is that of the slowest point of the foot near the floor.
-const LIFTED_SPEED: f32 = 0.3;
+/// speed is that along the floor, of the slowest point near the floor.
+const LIFTED_SPEED: f32 = 0.25;
 /// Duration of the shortest contact (time in which a foot stands) that is kept, in seconds; shorter
 /// contacts are dropped.
 const CONTACT_S_MIN: f64 = 0.1;
@@ -54,22 +69,27 @@ const FOOT_SHARE: f32 = 0.05;
 const LOWEST_SHARE: f32 = 0.05;
 
 /// Returns all contacts (times in which a foot stands on the floor) in `clip`, sorted by the index
-/// of the joint of the foot and then by time.
+/// of the joint of the foot, then by its part and then by time.
 pub fn contacts(clip: &Clip) -> Vec<Contact> {
     if clip.frames() < 2 {
         return Vec::new();
     }
     let height = clip.skeleton.rest_height();
     let mut found = Vec::new();
-    for (joint, points) in feet(clip) {
+    for (joint, part, points) in feet(clip) {
         let tracks: Vec<Track> = points.iter().map(|&point| Track::of(clip, point)).collect();
         found.extend(
             planted(clip, height, &tracks)
                 .into_iter()
-                .map(|(first, last)| Contact { joint, first, last }),
+                .map(|(first, last)| Contact {
+                    joint,
+                    part,
+                    first,
+                    last,
+                }),
         );
     }
-    found.sort_by_key(|contact| (contact.joint, contact.first));
+    found.sort_by_key(|contact| (contact.joint, contact.part, contact.first));
     found
 }
 
@@ -77,16 +97,29 @@ pub fn contacts(clip: &Clip) -> Vec<Contact> {
 /// space.
 pub type Point = (usize, Vec3);
 
-/// Returns the feet, each as the index of its joint and the points that may touch the floor. The
-/// feet are the ankles of a humanoid, or the end joints near the floor of any other body.
-fn feet(clip: &Clip) -> Vec<(u16, Vec<Point>)> {
+/// Returns the parts of the feet, each as the index of the joint of the foot, the part and its
+/// points that may touch the floor. The feet are the ankles of a humanoid, or the end joints near
+/// the floor of any other body, whose feet have no toes.
+fn feet(clip: &Clip) -> Vec<(u16, FootPart, Vec<Point>)> {
     let humanoid = Humanoid::new(&clip.skeleton);
-    let ankles = [Bone::LeftFoot, Bone::RightFoot]
-        .iter()
-        .filter_map(|&bone| Some(humanoid.bones[humanoid.find(bone)?].joint));
-    let feet: Vec<(u16, Vec<Point>)> = ankles
-        .map(|ankle| (ankle as u16, below(&clip.skeleton, ankle)))
-        .collect();
+    let joint = |bone| Some(humanoid.bones[humanoid.find(bone)?].joint);
+    let sides = [
+        (Bone::LeftFoot, Bone::LeftToes),
+        (Bone::RightFoot, Bone::RightToes),
+    ];
+    let mut feet = Vec::new();
+    for (foot, toes) in sides {
+        let Some(ankle) = joint(foot) else { continue };
+        let mut toes = match joint(toes) {
+            Some(toes) => below(&clip.skeleton, toes),
+            None => below(&clip.skeleton, ankle),
+        };
+        toes.retain(|&point| point != (ankle, Vec3::ZERO));
+        feet.push((ankle as u16, FootPart::Heel, vec![(ankle, Vec3::ZERO)]));
+        if !toes.is_empty() {
+            feet.push((ankle as u16, FootPart::Toe, toes));
+        }
+    }
     if !feet.is_empty() {
         return feet;
     }
@@ -99,8 +132,8 @@ fn feet(clip: &Clip) -> Vec<(u16, Vec<Point>)> {
             .any(|other| other.parent == Some(joint))
     });
     let low = |point: &Point| Track::of(clip, *point).lowest <= floor;
-    tips.map(|tip| (tip as u16, below(&clip.skeleton, tip)))
-        .filter(|(_, points)| points.iter().any(low))
+    tips.map(|tip| (tip as u16, FootPart::Heel, below(&clip.skeleton, tip)))
+        .filter(|(_, _, points)| points.iter().any(low))
         .collect()
 }
 
@@ -155,17 +188,19 @@ impl Track {
         Self { places, lowest }
     }
 
+    /// Returns the speed along the floor at `frame`, in metres per second.
     fn speed(&self, frame: usize, reach: usize, fps: f64) -> f32 {
         let (before, after) = (
             frame.saturating_sub(reach),
             (frame + reach).min(self.places.len() - 1),
         );
-        self.places[before].distance(self.places[after]) * fps as f32 / (after - before) as f32
+        let way = (self.places[after] - self.places[before]) * Vec3::new(1.0, 0.0, 1.0);
+        way.length() * fps as f32 / (after - before) as f32
     }
 }
 
 /// Returns the contacts (times in which the foot stands), each as the indices of its first and last
-/// frame. `tracks` are the paths of the points of the foot, and `height` is the height of the body
+/// frame. `tracks` are the paths of the points of this part of the foot, and `height` is the height of the body
 /// in metres.
 fn planted(clip: &Clip, height: f32, tracks: &[Track]) -> Vec<(u32, u32)> {
     let reach = ((SPEED_S * clip.fps).round() as usize).max(1);

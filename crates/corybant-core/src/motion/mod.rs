@@ -8,13 +8,14 @@ pub mod contact;
 pub mod export;
 pub mod humanoid;
 pub mod import;
+pub(crate) mod leg;
 pub mod live;
 pub mod mirror;
 pub mod pose;
 pub mod skeleton;
 
 pub use clip::Clip;
-pub use contact::Contact;
+pub use contact::{Contact, FootPart};
 pub use import::beats::MotionBeats;
 pub use import::pipeline::{ImportOptions, MotionError, analyse, analyse_onto};
 pub use import::{ReadError, Siblings, Source};
@@ -43,8 +44,8 @@ pub struct Analysed {
     pub spikes: u32,
     /// Descriptions of the cleaning steps that were applied to the clip, one sentence each.
     pub steps: Vec<String>,
-    /// The contacts (times in which a foot stands on the floor), sorted by the joint of the foot
-    /// and then by time.
+    /// The contacts (times in which a part of a foot stands on the floor), sorted by the joint of
+    /// the foot, then by its part and then by time.
     pub contacts: Vec<Contact>,
     /// True if the dancer may also dance the mirror image of the clip.
     pub mirror: bool,

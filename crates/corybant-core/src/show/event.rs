@@ -3,8 +3,11 @@
 
 use std::collections::VecDeque;
 
+use smpte_timecode::Timecode;
+
 use crate::graph::{Attribute, LabelId};
 use crate::tempo::source::TempoSource;
+use crate::timecode::{TimecodeEvent, rate_name};
 
 /// The greatest number of unread events that are stored. A further event replaces the oldest one.
 const WAITING_MAX: usize = 64;
@@ -33,6 +36,8 @@ pub enum Event {
     /// The tempo was frozen (true: the show ignores the tempo source) or released (false: the tempo
     /// follows the source again).
     Frozen(bool),
+    /// The timecode that a show follows was found, has gone elsewhere or was lost.
+    Timecode(TimecodeEvent),
     /// A dancer changes to motion with another attribute (a label, idle or unlabelled).
     Dancing {
         /// Number of the dancer, counted from 0.
@@ -61,9 +66,14 @@ pub enum Event {
 
 impl Event {
     /// Returns true if the event is a problem: the performer requested a tempo source that is not
-    /// enabled, or the selected source was lost.
+    /// enabled, or the selected source or timecode was lost.
     pub fn is_warning(&self) -> bool {
-        matches!(self, Event::SourceMissing(_) | Event::SourceLost(_))
+        let timecode_lost = |event: &TimecodeEvent| matches!(event, TimecodeEvent::Lost(_));
+        match self {
+            Event::SourceMissing(_) | Event::SourceLost(_) => true,
+            Event::Timecode(event) => timecode_lost(event),
+            _ => false,
+        }
     }
 
     /// Returns a sentence about the event for the log. `labels` are the names of all pads,
@@ -95,6 +105,7 @@ impl Event {
             ),
             Event::Frozen(true) => "tempo frozen: the beat goes on as it is".into(),
             Event::Frozen(false) => "tempo follows its source again".into(),
+            Event::Timecode(event) => timecode(event),
             Event::Dancing {
                 dancer,
                 beat,
@@ -118,6 +129,27 @@ impl Event {
                 )
             }
         }
+    }
+}
+
+/// Returns a sentence about a change of the timecode source.
+fn timecode(event: TimecodeEvent) -> String {
+    let at = |frame: Option<Timecode>| {
+        frame.map_or(String::new(), |frame| {
+            format!(" at {frame}, {} frames a second", rate_name(frame.rate()))
+        })
+    };
+    match event {
+        TimecodeEvent::Locked(frame) => format!("timecode found{}", at(frame)),
+        TimecodeEvent::Located(frame) => format!("timecode jumped: now{}", at(frame)),
+        TimecodeEvent::Lost(frame) => {
+            format!(
+                "timecode lost{}: the cue list waits, the dance goes on",
+                at(frame)
+            )
+        }
+        TimecodeEvent::Engaged(true) => "timecode leads the cue list".into(),
+        TimecodeEvent::Engaged(false) => "timecode disengaged: the cue list waits".into(),
     }
 }
 

@@ -32,6 +32,9 @@ pub enum TempoCommand {
     /// Freeze: `Some(true)` keeps the current tempo and ignores the tempo source; `Some(false)`
     /// follows the source again; `None` switches between the two.
     Freeze(Option<bool>),
+    /// Engage: `Some(true)` lets timecode lead the cue list, `Some(false)` ends that; `None`
+    /// switches between the two. The program that has the cue list applies it.
+    Engage(Option<bool>),
 }
 
 /// A converter from a performer's tempo commands to edits of the beat grid. It is the only
@@ -55,7 +58,7 @@ impl CommandResolver {
 
     /// Returns the edit of the beat grid for `command` at time `at` (seconds). A tempo outside the
     /// allowed range is doubled or halved until it is inside. `None` if a number of the command is
-    /// not usable, or if the command selects or freezes the tempo source, which edits no beat grid.
+    /// not usable, or if the command edits no beat grid, such as the choice of the tempo source.
     pub fn resolve(&mut self, command: TempoCommand, at: f64) -> Option<GridEdit> {
         match command {
             TempoCommand::Tap => Some(GridEdit::Tap {
@@ -66,7 +69,7 @@ impl CommandResolver {
             TempoCommand::Double => Some(GridEdit::ScalePeriod(0.5)),
             TempoCommand::Downbeat => Some(GridEdit::Downbeat),
             TempoCommand::Tempo(bpm) => self.range.fold(bpm.period().0).map(GridEdit::SetPeriod),
-            TempoCommand::Source(_) | TempoCommand::Freeze(_) => None,
+            TempoCommand::Source(_) | TempoCommand::Freeze(_) | TempoCommand::Engage(_) => None,
         }
     }
 }

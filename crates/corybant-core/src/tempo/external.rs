@@ -23,6 +23,8 @@ use crate::time::{Bars, BeatGrid, Bpm, Seconds, Timeline};
 /// Time without a message of the Ableton Link session after which the session counts as lost, in
 /// seconds.
 const LINK_LOST_AFTER_S: f64 = 2.0;
+/// Time without a message of a timecode source after which it counts as lost, in seconds.
+const SONG_LOST_AFTER_S: f64 = 0.5;
 /// Factor by which a beat period may lie outside the allowed range before the tempo of the source
 /// is doubled or halved. Without this tolerance, a tempo near a limit could alternate between two
 /// values.
@@ -77,6 +79,9 @@ pub(super) struct ExternalTempo {
     osc: OscBeatSource,
     /// The state of the Ableton Link session, as its latest message reported it.
     link: LinkSession,
+    /// The beats of the song at the position of timecode, and the show time of their latest message
+    /// in seconds.
+    song: (Option<BeatGrid>, f64),
     /// The clock that provides the beat grid while the beats follow no external source.
     free: FreeRunningClock,
     /// The converter from a performer's commands to edits of the beat grid.
@@ -132,6 +137,7 @@ impl ExternalTempo {
                 received_at: f64::NEG_INFINITY,
                 ..LinkSession::default()
             },
+            song: (None, f64::NEG_INFINITY),
             free: FreeRunningClock::new(BeatGrid::from_timeline(&timeline, 0.0), range),
             commands: CommandResolver::new(range),
             resumed_at: f64::NEG_INFINITY,
@@ -165,18 +171,14 @@ impl ExternalTempo {
         }
         match received.message {
             TempoMessage::Session { beat, bpm, peers } => {
-                let valid = beat.is_finite() && bpm.is_finite() && bpm > 0.0;
                 self.link = LinkSession {
-                    grid: valid.then(|| BeatGrid {
-                        beat,
-                        time: at,
-                        period: 60.0 / bpm,
-                    }),
+                    grid: grid_of(beat, bpm, at),
                     peers,
                     met_peer: self.link.met_peer || peers > 0,
                     received_at: at,
                 };
             }
+            TempoMessage::Song { beat, bpm } => self.song = (grid_of(beat, bpm, at), at),
             // The message may have been queued during the gap, so its time is not reliable.
             TempoMessage::Beat { .. } | TempoMessage::Pulse
                 if (at - self.resumed_at).abs() < RESUMED_S =>
@@ -373,6 +375,10 @@ impl ExternalTempo {
             TempoSource::Midi if self.midi.is_stopped() => SourceState::Stopped,
             TempoSource::Midi => state(self.midi.is_known(), self.midi.is_alive(now)),
             TempoSource::Osc => state(self.osc.is_known(), self.osc.is_alive(now)),
+            TempoSource::Timecode => {
+                let (grid, received_at) = self.song;
+                state(grid.is_some(), now - received_at < SONG_LOST_AFTER_S)
+            }
             TempoSource::Link => {
                 let recent = now - self.link.received_at < LINK_LOST_AFTER_S;
                 let (known, alone) = (
@@ -392,6 +398,7 @@ impl ExternalTempo {
             TempoSource::Link => self.link.grid,
             TempoSource::Midi => self.midi.grid(),
             TempoSource::Osc => self.osc.grid(),
+            TempoSource::Timecode => self.song.0,
         }
     }
 
@@ -472,4 +479,15 @@ impl ExternalTempo {
     pub(super) fn timeline(&self) -> &Timeline {
         self.scheduler.timeline()
     }
+}
+
+/// Returns the grid with the beat position `beat` at the show time `time` (seconds) and the tempo
+/// `bpm`; `None` if a value is not usable.
+fn grid_of(beat: f64, bpm: f64, time: f64) -> Option<BeatGrid> {
+    let is_valid = beat.is_finite() && bpm.is_finite() && bpm > 0.0;
+    is_valid.then(|| BeatGrid {
+        beat,
+        time,
+        period: 60.0 / bpm,
+    })
 }

@@ -100,6 +100,7 @@ impl Settings {
         let opened = [
             (TempoSource::Link, self.joins_link()),
             (TempoSource::Midi, !self.midi_clock.is_empty()),
+            (TempoSource::Timecode, self.source == TempoSource::Timecode),
         ];
         opened
             .into_iter()

@@ -27,20 +27,23 @@ pub enum TempoSource {
     Tap,
     /// Fixed: a constant tempo, which is the setting `bpm` of the show file.
     Fixed,
+    /// Timecode: the beats of a known song at the position of a timecode source.
+    Timecode,
 }
 
 impl TempoSource {
     /// All tempo sources, in the order of the variants.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Audio,
         Self::Link,
         Self::Midi,
         Self::Osc,
         Self::Tap,
         Self::Fixed,
+        Self::Timecode,
     ];
     /// The names of all tempo sources, for error messages.
-    pub const NAMES: &'static str = "audio, link, midi, osc, tap or fixed";
+    pub const NAMES: &'static str = "audio, link, midi, osc, tap, fixed or timecode";
 
     /// Returns the name of the tempo source in show files, in OSC addresses and on the web page.
     pub fn name(self) -> &'static str {
@@ -51,6 +54,7 @@ impl TempoSource {
             Self::Osc => "osc",
             Self::Tap => "tap",
             Self::Fixed => "fixed",
+            Self::Timecode => "timecode",
         }
     }
 
@@ -162,6 +166,13 @@ pub enum TempoMessage {
         /// tempo.
         bpm: Option<f64>,
     },
+    /// Timecode: the position in a song whose beats are known.
+    Song {
+        /// Position in beats, counted from the first beat of the song.
+        beat: f64,
+        /// Tempo at this position, in beats per minute.
+        bpm: f64,
+    },
 }
 
 impl TempoMessage {
@@ -173,6 +184,7 @@ impl TempoMessage {
             }
             Self::Session { .. } => TempoSource::Link,
             Self::Beat { .. } => TempoSource::Osc,
+            Self::Song { .. } => TempoSource::Timecode,
         }
     }
 }

@@ -16,6 +16,7 @@ mod clean_bodies;
 mod cue_modes;
 mod examples;
 mod extend;
+mod feet;
 #[allow(
     clippy::disallowed_methods,
     reason = "what the tests compare with does not share code with the crate"
@@ -39,6 +40,7 @@ mod show;
 mod show_no_alloc;
 mod stall;
 mod tempo_sources;
+mod timecode_lead;
 mod whole;
 
 /// The root of the repository.

@@ -5,6 +5,7 @@
 //! | `packet` | bytes → messages |
 //! | `pattern` | OSC address patterns |
 //! | `dispatch` | messages → the cues that they send |
+//! | `timecode` | `/timecode`: the position of an OSC timecode source |
 //! | `beat` | `/beat`: messages of an OSC tempo source |
 //!
 //! In: bytes. Out: cues. Thread: any. Pure.
@@ -13,6 +14,7 @@ pub mod beat;
 pub mod dispatch;
 pub mod packet;
 pub mod pattern;
+pub mod timecode;
 
 pub use super::verbs::Value;
 pub use dispatch::{OscMap, Rejected, Resolved};

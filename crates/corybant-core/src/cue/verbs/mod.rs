@@ -22,6 +22,10 @@ use crate::time::{Bpm, Seconds};
 
 pub use table::{READOUTS, VERBS};
 
+/// The arguments of a report of timecode, in words.
+pub const TIMECODE_TAKES: &str =
+    "\"01:00:00:00\", or hours, minutes, seconds and frame, or seconds";
+
 /// The placeholder for the name of a label in the OSC addresses and texts of the command table.
 pub const LABEL: &str = "LABEL";
 
@@ -65,6 +69,11 @@ pub enum Command {
     Source,
     /// Freeze: keeps the current tempo and ignores the tempo source, or ends this.
     Freeze,
+    /// Engage: lets timecode lead the cue list, or ends this.
+    Engage,
+    /// Timecode: reports the position of the timecode source "osc"; see
+    /// `osc::timecode`.
+    Timecode,
     /// Beat: reports one beat of the tempo source "osc"; see [`beat`](super::osc::beat).
     Beat,
     /// Sync: requests that the values of all OSC addresses are sent again.
@@ -103,6 +112,8 @@ pub enum Argument {
     },
     /// Source: the name of a tempo source, such as `midi`.
     Source,
+    /// Timecode: a frame or a time in seconds.
+    Timecode,
 }
 
 /// The type and range of the value at an OSC address.
@@ -188,7 +199,8 @@ impl Command {
             Self::Nudge => number(-NUDGE_MS_MAX, NUDGE_MS_MAX, "milliseconds"),
             Self::Bpm => number(*BPM_ALLOWED.start(), *BPM_ALLOWED.end(), "beats per minute"),
             Self::Source => Argument::Source,
-            Self::Freeze => Argument::Switch,
+            Self::Freeze | Self::Engage => Argument::Switch,
+            Self::Timecode => Argument::Timecode,
         }
     }
 
@@ -217,6 +229,10 @@ impl Command {
             (Self::Freeze, Value::Absent) => TempoCommand::Freeze(None).into(),
             (Self::Freeze, Value::Number(on)) if on.is_finite() => {
                 TempoCommand::Freeze(Some(on > 0.0)).into()
+            }
+            (Self::Engage, Value::Absent) => TempoCommand::Engage(None).into(),
+            (Self::Engage, Value::Number(on)) if on.is_finite() => {
+                TempoCommand::Engage(Some(on > 0.0)).into()
             }
             _ => return None,
         })
@@ -260,7 +276,7 @@ impl Argument {
             Self::Button | Self::Switch => Shape::Unit,
             Self::Number { min, max, .. } if (min, max) == (0.0, 1.0) => Shape::Unit,
             Self::Number { min, max, .. } => Shape::Number(min, max),
-            Self::Source => Shape::Text,
+            Self::Source | Self::Timecode => Shape::Text,
         }
     }
 }
@@ -277,6 +293,7 @@ impl fmt::Display for Argument {
                 write!(f, "a number from {min} to {max} ({unit})")
             }
             Self::Source => write!(f, "{}", TempoSource::NAMES),
+            Self::Timecode => f.write_str(TIMECODE_TAKES),
         }
     }
 }

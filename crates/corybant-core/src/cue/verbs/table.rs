@@ -98,7 +98,7 @@ const fn source(
 /// of the OSC addresses are reported: first, label by label, the values of the commands for a
 /// label, then the values of the other commands.
 #[rustfmt::skip]
-pub const VERBS: [Verb; 40] = [
+pub const VERBS: [Verb; 43] = [
     launch("/cue/LABEL", PLAIN,
         "LABEL", r#"{"cue":"LABEL"}"#, "dance LABEL for 8 beats"),
     launch("/cue/LABEL/trigger", PLAIN,
@@ -164,7 +164,7 @@ pub const VERBS: [Verb; 40] = [
     reporting(verb("/tempo/bpm", Command::Bpm,
         "!bpm BEATS_PER_MINUTE", r#"{"tempo":"bpm 128"}"#, "the tempo, beats per minute"), Readout::Bpm),
     reporting(verb("/tempo/source", Command::Source,
-        "!source NAME", r#"{"tempo":"source link"}"#, "the tempo source: audio, link, midi, osc, tap or fixed"), Readout::Source),
+        "!source NAME", r#"{"tempo":"source link"}"#, "the tempo source: audio, link, midi, osc, tap, fixed or timecode"), Readout::Source),
     reporting(verb("/tempo/freeze", Command::Freeze,
         "!freeze [1|0]", r#"{"tempo":"freeze 1"}"#, "keep the current tempo, until 0; without a number, toggle"), Readout::Frozen),
     source("/tempo/source/audio", TempoSource::Audio,
@@ -179,6 +179,12 @@ pub const VERBS: [Verb; 40] = [
         "!source tap", r#"{"tempo":"source tap"}"#, "the beats come from tap"),
     source("/tempo/source/fixed", TempoSource::Fixed,
         "!source fixed", r#"{"tempo":"source fixed"}"#, "the beats come from fixed"),
+    source("/tempo/source/timecode", TempoSource::Timecode,
+        "!source timecode", r#"{"tempo":"source timecode"}"#, "the beats come from timecode"),
+    verb("/timecode", Command::Timecode,
+        "", "", "the timecode is here now, where `[timecode] source` is \"osc\"; an optional last argument is the frame rate"),
+    verb("/timecode/engage", Command::Engage,
+        "!timecode [1|0]", r#"{"tempo":"timecode 1"}"#, "timecode leads the cue list, until 0; without a number, toggle"),
     Verb { address: None, command: dance(DanceCommand::Hold(false)), readout: None,
         text: "", message: r#"{"hold":false}"#, help: "continue after a hold (OSC: 0 to `/hold`)" },
 ];

@@ -468,7 +468,7 @@ fn mirrored(clip: &ClipInfo, mirror: &Mirror) -> ClipInfo {
         ..*contact
     };
     let mut contacts: Vec<Contact> = clip.contacts.iter().map(other_foot).collect();
-    contacts.sort_by_key(|contact| (contact.joint, contact.first));
+    contacts.sort_by_key(|contact| (contact.joint, contact.part, contact.first));
     ClipInfo {
         name: format!("{}{MIRRORED_ENDING}", clip.name),
         mirrored: true,

@@ -24,7 +24,7 @@ use super::summary::{ClipReport, Report, counted, notes};
 use super::text::{escaped, plain, short};
 use super::{ReportError, key};
 use crate::graph::{ClipInfo, Graph};
-use crate::motion::MOTION_FPS;
+use crate::motion::{FootPart, MOTION_FPS};
 
 /// The greatest number of clips for which plots are drawn; the other clips are listed in a table.
 const DRAWN_MAX: usize = 200;
@@ -184,29 +184,30 @@ fn entry(
 /// Returns the joints of `clip` with ground contacts, at most [`FEET_MAX`]. Contacts with a gap of
 /// less than `gap` seconds are joined to one bar, because such a gap is too small to see.
 fn feet(graph: &Graph, clip: &ClipInfo, gap: f64) -> Vec<Foot> {
-    let mut feet: BTreeMap<u16, Vec<(f64, f64)>> = BTreeMap::new();
+    let mut feet: BTreeMap<(u16, FootPart), Vec<(f64, f64)>> = BTreeMap::new();
     for contact in &clip.contacts {
         let (first, last) = (
             f64::from(contact.first) / MOTION_FPS,
             f64::from(contact.last) / MOTION_FPS,
         );
-        let bars = feet.entry(contact.joint).or_default();
+        let bars = feet.entry((contact.joint, contact.part)).or_default();
         match bars.last_mut() {
             Some(before) if (before.1..before.1 + gap).contains(&first) => before.1 = last,
             _ => bars.push((first, last)),
         }
     }
-    let name = |joint: u16| {
-        graph
-            .skeleton
-            .joints
-            .get(usize::from(joint))
-            .map_or(String::new(), |joint| plain(&joint.name))
+    let name = |joint: u16, part: FootPart| {
+        let joint = graph.skeleton.joints.get(usize::from(joint));
+        let name = joint.map_or(String::new(), |joint| plain(&joint.name));
+        match part {
+            FootPart::Heel => name,
+            FootPart::Toe => format!("{name} (toes)"),
+        }
     };
     feet.into_iter()
         .take(FEET_MAX)
-        .map(|(joint, bars)| Foot {
-            name: name(joint),
+        .map(|((joint, part), bars)| Foot {
+            name: name(joint, part),
             bars,
         })
         .collect()

@@ -15,6 +15,7 @@ pub mod cut;
 pub mod fbx;
 pub mod gltf;
 pub mod pipeline;
+mod plant;
 pub mod retarget;
 pub mod vmd;
 

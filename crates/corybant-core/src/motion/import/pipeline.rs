@@ -14,7 +14,7 @@ use thiserror::Error;
 
 use super::clean::{self, CleanError, Cleaned, Unit, Up};
 use super::cut::{CutError, Span};
-use super::{ReadError, Siblings, Source, beats, read, retarget};
+use super::{ReadError, Siblings, Source, beats, plant, read, retarget};
 use crate::motion::{Analysed, MotionBeats, Skeleton, contact};
 
 /// The options with which one motion file is imported; they are the same for all clips of the file.
@@ -149,7 +149,8 @@ pub fn find_beats(cleaned: &mut Cleaned, options: &ImportOptions) -> Option<Moti
     beats
 }
 
-/// Finishes the import of a clip: detects the ground contacts of its feet. Must be called after all
+/// Finishes the import of a clip: detects the ground contacts of its feet, and plants the feet that
+/// creep while they stand. Must be called after all
 /// retargeting. Returns the analysed clip with `beats`, and the warnings of all cleaning steps.
 pub fn finish(
     cleaned: Cleaned,
@@ -157,7 +158,7 @@ pub fn finish(
     options: &ImportOptions,
 ) -> (Analysed, Vec<String>) {
     let Cleaned {
-        clip,
+        mut clip,
         trimmed,
         spikes,
         steps,
@@ -165,6 +166,7 @@ pub fn finish(
         ..
     } = cleaned;
     let contacts = contact::contacts(&clip);
+    plant::plant(&mut clip, &contacts);
     (
         Analysed {
             clip,

@@ -193,7 +193,9 @@ impl MidiClock {
                     self.run_from(self.stopped_at);
                 }
             }
-            TempoMessage::Session { .. } | TempoMessage::Beat { .. } => {}
+            TempoMessage::Session { .. }
+            | TempoMessage::Beat { .. }
+            | TempoMessage::Song { .. } => {}
         }
     }
 

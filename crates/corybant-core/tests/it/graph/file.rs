@@ -15,7 +15,7 @@ use corybant_core::graph::file::{
 };
 use corybant_core::graph::report::summary::report;
 use corybant_core::graph::{Attribute, Graph, GraphFault, NodeId};
-use corybant_core::motion::Contact;
+use corybant_core::motion::{Contact, FootPart};
 use corybant_core::time::Seconds;
 use glam::Quat;
 use proptest::prelude::*;
@@ -136,6 +136,7 @@ fn small() -> &'static Graph {
         clips[0].mirror = true;
         clips[0].contacts = vec![Contact {
             joint: 6,
+            part: FootPart::Heel,
             first: 3,
             last: 20,
         }];
@@ -217,6 +218,7 @@ fn graphs_that_would_break_a_show_are_refused() {
         ("contact on no joint", |g| {
             g.clips[0].contacts.push(Contact {
                 joint: 99,
+                part: FootPart::Heel,
                 first: 0,
                 last: 1,
             })
@@ -224,6 +226,7 @@ fn graphs_that_would_break_a_show_are_refused() {
         ("contact beyond its clip", |g| {
             g.clips[0].contacts.push(Contact {
                 joint: 1,
+                part: FootPart::Heel,
                 first: 0,
                 last: 1_000_000,
             })

@@ -8,7 +8,7 @@ use clips::{clip, holds, plan};
 use corybant_core::graph::Graph;
 use corybant_core::graph::build::{Settings, build};
 use corybant_core::graph::file::{from_bytes, to_bytes};
-use corybant_core::motion::{Contact, Pose};
+use corybant_core::motion::{Contact, FootPart, Pose};
 use glam::{Quat, Vec3};
 
 fn mirrored(names: [&str; 2]) -> Graph {
@@ -16,6 +16,7 @@ fn mirrored(names: [&str; 2]) -> Graph {
     source.mirror = true;
     source.contacts = vec![Contact {
         joint: 5,
+        part: FootPart::Heel,
         first: 10,
         last: 20,
     }];
@@ -46,6 +47,7 @@ fn a_mirrored_clip_shares_its_frames_and_shows_their_mirror_image() {
         image.contacts,
         [Contact {
             joint: 6,
+            part: FootPart::Heel,
             first: 10,
             last: 20
         }]

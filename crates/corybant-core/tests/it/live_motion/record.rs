@@ -68,8 +68,10 @@ fn a_recorded_dance_is_imported_with_the_same_joint_angles() {
             assert_eq!(danced.len(), got.len());
             for ((bone, one), (other_bone, other)) in danced.iter().zip(&got) {
                 let angle = degrees_between(*one, *other);
+                // Import plants feet that creep.
+                let most = if bone.is_leg() { 6.0 } else { 2.0 };
                 assert!(
-                    bone == other_bone && angle < 2.0,
+                    bone == other_bone && angle < most,
                     "clip {clip}, frame {frame}: {bone:?} differs by {angle} degrees"
                 );
             }

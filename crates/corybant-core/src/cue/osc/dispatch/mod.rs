@@ -150,8 +150,8 @@ impl OscMap {
     fn cue(&self, command: Command, argument: Value) -> Result<Option<Cue>, Rejected> {
         match (command, argument) {
             (Command::Button(cue), _) => Ok(self.button(cue, pressure(argument)?)),
-            // A beat message needs a time, which the receiver adds.
-            (Command::Beat, _) => Ok(None),
+            // A beat or a timecode needs a time, which the receiver adds.
+            (Command::Beat | Command::Timecode, _) => Ok(None),
             // Touch surfaces send 0 when the finger leaves a button; this does not change a value.
             (Command::Nudge | Command::Bpm | Command::Source, Value::Number(0.0)) => Ok(None),
             _ => command

@@ -7,6 +7,9 @@
 //! or `!intensity release` may stand in place of the label. A gate is held for its beats. The
 //! second toggle of a label ends the first one, and so does the second repeat.
 
+pub mod lead;
+mod locate;
+
 use thiserror::Error;
 
 use super::control_text::{self, MARK};

@@ -2,13 +2,14 @@
 //! kinematics.
 //!
 //! In: poses, target positions of the ankle. Out: poses in which the leg reaches the target. Space:
-//! stage space. Thread: show. Allocates: only in `new`.
+//! stage space or model space. Thread: any. Allocates: only in `new` and `both`.
 
 use glam::{Quat, Vec3};
 
+use super::contact::below;
+use super::humanoid::{Bone, Humanoid};
+use super::{Pose, Skeleton};
 use crate::maths;
-use crate::motion::contact::below;
-use crate::motion::{Pose, Skeleton};
 
 /// Bend of a knee below which the knee is strongly corrected, so that it does not bend backwards;
 /// above twice this value, the correction has almost no effect. The bend is the sine of the angle
@@ -19,6 +20,19 @@ const LED_BEND: f32 = 0.2;
 /// the distance approaches the full length only gradually (exponentially).
 const STRETCH: f32 = 0.96;
 
+/// Fraction of a leg's length that a leg may reach before the hips give way.
+const REACH: f32 = 0.975;
+/// Distance from hip to ankle, as a fraction of the leg's length, from which on a knee is corrected
+/// that bends backwards, and the additional distance at which it is corrected fully.
+const GUARDED: (f32, f32) = (0.7, 0.2);
+/// Distance of a target from the ankle, as a fraction of the leg's length, from which on a foot
+/// follows it only partly, and from which on not at all.
+const FAR: (f32, f32) = (0.5, 0.9);
+/// Excess of the distance to the foot at which the hips begin to give way, in metres.
+const DROP_SOFT: f32 = 0.006;
+/// Largest distance by which the hips give way, in metres.
+const DROP_MAX: f32 = 0.15;
+
 /// Position and rotation of a foot in stage space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Foot {
@@ -28,9 +42,17 @@ pub struct Foot {
     pub turn: Quat,
 }
 
+impl Foot {
+    /// Returns the position in stage space of the point `at` of the foot, which is given in the
+    /// space of the ankle.
+    pub fn point(&self, at: Vec3) -> Vec3 {
+        self.place + self.turn * at
+    }
+}
+
 /// The positions and rotations of hip, knee and ankle of one leg in stage space.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct LegPose {
+pub(crate) struct LegPose {
     /// `[joint]`: position in stage space, in metres; the joints are hip, knee and ankle.
     pub places: [Vec3; 3],
     /// `[joint]`: rotation in stage space; the joints are hip, knee and ankle.
@@ -41,6 +63,27 @@ pub(super) struct LegPose {
 }
 
 impl LegPose {
+    /// Returns the foot.
+    pub fn foot(&self) -> Foot {
+        Foot {
+            place: self.places[2],
+            turn: self.turns[2],
+        }
+    }
+
+    /// Returns `target` or, if it is far from the ankle, a foot between both. Inverse kinematics
+    /// would swing the whole leg to a far target, and turn it about any axis to an opposite one.
+    pub fn near(&self, target: Foot) -> Foot {
+        let [hip, knee, ankle] = self.places;
+        let length = (hip.distance(knee) + knee.distance(ankle)).max(1e-4);
+        let far = ankle.distance(target.place) / length;
+        let share = 1.0 - smooth((far - FAR.0) / (FAR.1 - FAR.0));
+        Foot {
+            place: ankle.lerp(target.place, share),
+            turn: self.turns[2].slerp(target.turn, share),
+        }
+    }
+
     /// Returns the axis in stage space about which the knee is bent. The length of the axis is the
     /// bend: the sine of the angle between the thigh and the line from hip to ankle.
     fn bend(&self) -> Vec3 {
@@ -53,12 +96,15 @@ impl LegPose {
 
 /// The joints of one leg of a skeleton, for inverse kinematics: thigh, shin and foot.
 #[derive(Clone, Debug)]
-pub(super) struct Leg {
+pub(crate) struct Leg {
     /// Indices in the skeleton of the hip, knee and ankle joints.
     pub joints: [usize; 3],
     /// Axis about which the knee bends in its natural direction (the shin moves back), in the space
     /// of the thigh.
     hinge: Vec3,
+    /// Position of the toe joint or, without one, of the tip of the foot, in the space of the
+    /// ankle; zero if there is neither.
+    pub toe: Vec3,
     /// Indices in the skeleton of all joints from the root to the ankle, both included.
     chain: Vec<usize>,
     /// Points of the sole that may touch the floor. Each has a list and a vector. The list has the
@@ -68,10 +114,42 @@ pub(super) struct Leg {
 }
 
 impl Leg {
+    /// Returns the left and the right leg of `skeleton`; empty if it has no two humanoid legs.
+    pub fn both(skeleton: &Skeleton) -> Vec<Self> {
+        use Bone::{
+            LeftFoot, LeftLowerLeg, LeftToes, LeftUpperLeg, RightFoot, RightLowerLeg, RightToes,
+            RightUpperLeg,
+        };
+        let humanoid = Humanoid::new(skeleton);
+        let mapped = |bone: Bone| humanoid.find(bone).map(|at| humanoid.bones[at]);
+        let sides = [
+            [LeftUpperLeg, LeftLowerLeg, LeftFoot, LeftToes],
+            [RightUpperLeg, RightLowerLeg, RightFoot, RightToes],
+        ];
+        let leg = |[thigh, shin, foot, toes]: [Bone; 4]| {
+            let hip = mapped(thigh)?;
+            // In the T-pose, knees bend about the axis from side to side, so that the shins move
+            // back.
+            Leg::new(
+                skeleton,
+                [hip.joint, mapped(shin)?.joint, mapped(foot)?.joint],
+                mapped(toes).map(|toes| toes.joint),
+                hip.rebase * Vec3::NEG_X,
+            )
+        };
+        let legs: Option<_> = sides.into_iter().map(leg).collect();
+        legs.unwrap_or_default()
+    }
+
     /// Creates the leg with the joints hip, knee and ankle, given by their indices. `hinge` is the
-    /// bending axis of the knee in the space of the thigh. Returns `None` unless the knee is a
-    /// descendant of the hip and the ankle one of the knee.
-    pub fn new(skeleton: &Skeleton, joints: [usize; 3], hinge: Vec3) -> Option<Self> {
+    /// bending axis of the knee in the space of the thigh, and `toes` the toe joint, if there is
+    /// one. Returns `None` unless the knee is a descendant of the hip and the ankle one of the knee.
+    pub fn new(
+        skeleton: &Skeleton,
+        joints: [usize; 3],
+        toes: Option<usize>,
+        hinge: Vec3,
+    ) -> Option<Self> {
         let mut chain = path(skeleton, 0, joints[2]);
         chain.insert(0, 0);
         let found: Vec<usize> = chain
@@ -83,9 +161,14 @@ impl Leg {
             .into_iter()
             .map(|(joint, place)| (path(skeleton, joints[2], joint), place))
             .collect();
+        let tips = skeleton.joints[joints[2]].ends.iter().copied();
+        let toe = toes
+            .map(|toes| skeleton.joints[toes].offset)
+            .or(tips.max_by(|a, b| a.length().total_cmp(&b.length())));
         (found == joints).then_some(Self {
             joints,
             hinge,
+            toe: toe.unwrap_or_default(),
             chain,
             soles,
         })
@@ -151,6 +234,20 @@ impl Leg {
         hinge * (about + led * (forward - about)) + rest * (1.0 + led * (kept - 1.0))
     }
 
+    /// Returns by how much the hip must be lower, in metres, so that the leg reaches the ankle's
+    /// place `target` without being straight. A leg that is as straight in `leg_pose` needs
+    /// nothing.
+    pub fn drop_for(&self, leg_pose: &LegPose, target: Vec3) -> f32 {
+        let [hip, knee, ankle] = leg_pose.places;
+        let length = hip.distance(knee) + knee.distance(ankle);
+        let reach = (REACH * length).max(hip.distance(ankle));
+        let (down, off) = (hip.y - target.y, target - hip);
+        let off = maths::hypot(off.x, off.z).min(reach);
+        let excess = down - (reach * reach - off * off).max(0.0).sqrt();
+        let soft = 0.5 * (excess + maths::hypot(excess, DROP_SOFT));
+        soft.min(DROP_MAX)
+    }
+
     /// Changes the rotations of hip, knee and ankle in `pose` so that the foot reaches `target`.
     /// `leg_pose` is the leg in `pose` before the change. `led` (0 to 1) is the strength with which
     /// a knee that bends backwards is corrected.
@@ -168,12 +265,19 @@ impl Leg {
             stretched(to.length(), from.length(), thigh + shin).max((thigh - shin).abs() + 1e-4);
         let along = to.normalize();
         let turned = Quat::from_rotation_arc(from.normalize(), along);
+        // Only a leg that is nearly straight needs the correction. A strongly bent leg would miss its
+        // target by much.
+        let straight = |length: f32| smooth((length / (thigh + shin) - GUARDED.0) / GUARDED.1);
+        let led = led * straight(from.length());
         let axis = (turned * self.knee_axis(leg_pose, led)).reject_from_normalized(along);
         // `down` is the distance of the knee from the hip along the line to the ankle; `off` is the
         // vector from that line to the knee.
         let down = ((thigh * thigh - shin * shin + far * far) / (2.0 * far)).clamp(-thigh, thigh);
         let off = axis.cross(along) * (thigh * thigh - down * down).max(0.0).sqrt()
-            / axis.length().max(0.5 * LED_BEND * led).max(1e-6);
+            / axis
+                .length()
+                .max(0.5 * LED_BEND * led * straight(far))
+                .max(1e-6);
         let (thigh_along, shin_along) = (
             (along * down + off).normalize(),
             (along * (far - down) - off).normalize(),
@@ -194,7 +298,7 @@ impl Leg {
 
 /// Returns the smoothstep function of `x`: 0 for x <= 0, 1 for x >= 1, and a smooth curve between
 /// the two.
-pub(super) fn smooth(x: f32) -> f32 {
+pub(crate) fn smooth(x: f32) -> f32 {
     let x = x.clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)
 }

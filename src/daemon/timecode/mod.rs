@@ -1,0 +1,105 @@
+//! The lead of timecode over the cue list of a running show. In: readings of timecode from the
+//! listeners and the sound, the time. Out: cues into the show's queue, events, the state for displays.
+//! Thread: show. Allocates: never after `new`.
+
+use crate::audio::ltc_feed::LtcFeed;
+use crate::rt::cue_queue::CueQueue;
+use crate::rt::latest::Latest;
+use corybant_core::cue::list::CueList;
+use corybant_core::cue::list::lead::{LeadStatus, TimecodeLead};
+use corybant_core::fault::{Fault, Faults};
+use corybant_core::show::{Event, Show};
+use corybant_core::time::Seconds;
+use corybant_core::timecode::settings::Settings;
+
+use super::LedSong;
+use super::listeners::ListenerContext;
+use super::monitor::Monitor;
+use super::samples::Samples;
+
+pub(super) mod display;
+
+/// Sends the cues of a cue list when they are due: at the position of timecode, or at the show time
+/// if the show has no timecode.
+pub(super) struct ListLeader {
+    /// The lead by timecode; `None` if the show has no timecode.
+    lead: Option<TimecodeLead>,
+    ltc: Option<LtcFeed>,
+    queue: CueQueue,
+    /// Number of ignored readings that were counted as faults.
+    ignored: u64,
+    status: Latest<LeadStatus>,
+}
+
+impl ListLeader {
+    /// Creates the leader of the cues of `song` in a show with these settings. Cues go to the queue of
+    /// `context`, which also has the readings of the listeners; `monitor` displays the state.
+    pub(super) fn new(
+        settings: &Settings,
+        song: LedSong,
+        context: &ListenerContext,
+        monitor: &Monitor,
+    ) -> Self {
+        let LedSong { beats, ltc } = song;
+        Self {
+            lead: settings.is_on().then(|| TimecodeLead::new(settings, beats)),
+            ltc,
+            ..Self::without_timecode(&context.cues, monitor.timecode.clone())
+        }
+    }
+
+    /// Creates the leader of a show without timecode.
+    pub(super) fn without_timecode(queue: &CueQueue, status: Latest<LeadStatus>) -> Self {
+        Self {
+            lead: None,
+            ltc: None,
+            queue: queue.clone(),
+            ignored: 0,
+            status,
+        }
+    }
+
+    /// Engages or disengages the lead of timecode; `None` reverses the state.
+    pub(super) fn engage(&mut self, on: Option<bool>) {
+        if let Some(lead) = &mut self.lead {
+            lead.engage(on);
+        }
+    }
+
+    /// Sends the cues of `list` that are due at the show time `now`, and adds what has happened to
+    /// the timecode to `events`.
+    pub(super) fn tick(
+        &mut self,
+        now: Seconds,
+        show: &Show,
+        samples: &mut Samples,
+        list: &mut CueList,
+        events: &mut dyn FnMut(Event),
+    ) {
+        let queue = &self.queue;
+        let Some(lead) = &mut self.lead else {
+            return list.due(now.0, show.song_beat(), |cue| queue.push(cue));
+        };
+        samples.read_timecode(now, &mut |reading| lead.receive(&reading));
+        if let Some(ltc) = &mut self.ltc {
+            ltc.read_until(now, &mut |reading| lead.receive(&reading));
+        }
+        while let Some(reading) = queue.pop_timecode() {
+            lead.receive(&reading);
+        }
+        let period = show.music().timeline.period_at(now);
+        lead.tick(now, period, list, &mut |cue| queue.push(cue));
+        while let Some(event) = lead.next_event() {
+            events(Event::Timecode(event));
+        }
+        self.status.publish(lead.status(now));
+    }
+
+    /// Counts the readings that were ignored since the last call as faults.
+    pub(super) fn count_faults(&mut self, faults: &Faults) {
+        if let Some(lead) = &self.lead {
+            faults.add(Fault::BadTimecode, lead.ignored() - self.ignored);
+            self.ignored = lead.ignored();
+        }
+    }
+}
