@@ -58,6 +58,8 @@ class Arranger:
         self.rng, self.parts, self.harmony = rng, parts, harmony
         self.bar, self.sub = meter
         self.sections = FORMS.get(form, ())
+        # The build-ups of dance music mostly have a riser.
+        self.riser_chance = 0.5 if self.sections else 0.8
         self.fill_every = int(rng.choice([2, 4, 4, 8, 8, 1000]))
         self.fill_chance = rng.uniform(0.3, 1.0)
         self.silences: list[tuple[float, float]] = []
@@ -133,7 +135,7 @@ class Arranger:
                         self.extra("crash", "hats", sounds["crash"]).events.append((float(start + (k + 1) * self.bar), 1.0, (0,), 1.0))
         if rng.random() < 0.65 and kind in ("main", "verse", "break", "beat"):
             self.extra("crash", "hats", sounds["crash"]).events.append((float(start), 1.0, (0,), 1.0))
-        if rng.random() < (0.5 if kind == "build" else 0.08):
+        if rng.random() < (self.riser_chance if kind == "build" else 0.08):
             length = float(min(bars, int(rng.choice([1, 2, 4]))) * self.bar)
             self.extra("riser", "effects", sounds["riser"]).events.append((end - length, length, (int(rng.integers(40, 70)),), 1.0))
         if rng.random() < (0.3 if kind in ("build", "break") else 0.09):
