@@ -12,6 +12,7 @@ mod clips_file;
 mod config;
 mod energy;
 mod facing;
+mod form;
 mod graph_dev;
 mod graphs;
 mod hand;
