@@ -172,11 +172,12 @@ impl CueFile {
         let entry = read_line(cue, &self.labels)
             .ok()
             .flatten()
-            .map(|(when, entry)| self.cue_json(when, &entry, cue));
+            .and_then(|(when, entry)| self.cue_json(when, &entry, cue));
         json!({ "text": line, "comment": comment, "cue": entry })
     }
 
-    fn cue_json(&self, when: When, cue: &Cue, line: &str) -> Value {
+    /// Returns `cue` as JSON; `None` for a cue at a section, which has no place on the timeline.
+    fn cue_json(&self, when: When, cue: &Cue, line: &str) -> Option<Value> {
         let mut entry = match cue {
             Cue::Dance(DanceCommand::Launch(launch)) => self.launch_json(launch),
             _ => {
@@ -186,8 +187,9 @@ impl CueFile {
         match when {
             When::Beat(beat) => entry["beat"] = beat.into(),
             When::Time(time) => entry["time"] = time.into(),
+            When::Section(_) => return None,
         }
-        entry
+        Some(entry)
     }
 
     fn launch_json(&self, launch: &Launch) -> Value {

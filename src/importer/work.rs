@@ -215,6 +215,8 @@ fn dance(graph: Graph) -> Result<Arc<[u8]>, String> {
         confidence: 1.0,
         energy: 0.5,
         music: true,
+        section: None,
+        begins_section: false,
     };
     let job = PreviewJob {
         cast: Cast::from(Arc::new(graph)),

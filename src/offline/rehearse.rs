@@ -152,6 +152,8 @@ impl TickSource for MusicSource<'_> {
         self.cues.clear();
         self.cue_list
             .due(now.0, self.show.song_beat(), |cue| self.cues.push(cue));
+        let section = self.show.section();
+        self.cue_list.section(section, |cue| self.cues.push(cue));
         let samples = &self.samples[self.received..end];
         self.show.tick(now, samples, &self.cues);
         (self.observe)(&self.show, now);

@@ -52,13 +52,14 @@ pub const MODES: [(&str, &str); 5] = [
 pub const LENGTHS: [u32; 4] = [4, 8, 16, 32];
 /// Times at which a label can start, among which the user can choose. For each: the text on the
 /// screen, and the name in messages to the show.
-pub const STARTS: [(&str, &str); 7] = [
+pub const STARTS: [(&str, &str); 8] = [
     ("next beat", "beat"),
     ("at once", "now"),
     ("next bar", "bar"),
     ("2 bars", "2bars"),
     ("4 bars", "4bars"),
     ("8 bars", "8bars"),
+    ("phrase", "phrase"),
     ("after all cues", "queue"),
 ];
 

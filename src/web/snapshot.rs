@@ -7,6 +7,7 @@
 use serde::{Serialize, Serializer};
 use triple_buffer::{Input, Output};
 
+use corybant_core::beat::form::section::SectionStart;
 use corybant_core::fault::{Fault, Faults};
 use corybant_core::graph::Attribute;
 use corybant_core::motion::Pose;
@@ -52,7 +53,8 @@ impl Snapshot {
     ///
     /// `{"type":"state","t":s,"beat":b,"bar":0..,"beats_per_bar":4,"bpm":x,"source":"audio",
     /// "source_state":"waiting|alive|stopped|lost","frozen":bool,"peers":n,
-    /// "confidence":0..1,"energy":0..1,"intensity":0..1|null,"db":dBFS,"peak":0..1,
+    /// "confidence":0..1,"energy":0..1,"section":[name,first beat,confidence]|null,
+    /// "next_section":[name,first beat,confidence]|null,"phrase":[place from 0,beats],"intensity":0..1|null,"db":dBFS,"peak":0..1,
     /// "clipped":bool,"hum":Hz|0,"music":bool,"held":bool,"panicked":bool,"clip":index,
     /// "label":index|null,"idle":bool,"next":clip index,"ahead":[label|null|-1 for idle, one per
     /// beat],"queue":[[label,dancing,beats_left],…],"poses":[{"root":[x,y,z],"rot":[x,y,z,w of joint
@@ -75,6 +77,9 @@ impl Snapshot {
             peers: status.peers,
             confidence: rounded32(status.confidence, 1e3),
             energy: rounded32(status.energy, 1e3),
+            section: status.form.now.map(section),
+            next_section: status.form.next.map(section),
+            phrase: status.phrase,
             intensity: status.intensity.map(|x| rounded32(x, 1e3)),
             db: rounded32(status.level_db, 10.0),
             peak: rounded32(status.sound.peak, 1e3),
@@ -103,6 +108,14 @@ impl Snapshot {
     }
 }
 
+/// The name, the first beat and the confidence of a section of the music.
+type SentSection = (&'static str, i64, f32);
+
+fn section(start: SectionStart) -> SentSection {
+    let confidence = rounded32(start.confidence, 1e2);
+    (start.section.name(), start.beat, confidence)
+}
+
 fn rounded(x: f64, scale: f64) -> f64 {
     (x * scale).round() / scale
 }
@@ -126,6 +139,9 @@ struct Message<'a> {
     peers: u32,
     confidence: f32,
     energy: f32,
+    section: Option<SentSection>,
+    next_section: Option<SentSection>,
+    phrase: (u32, u32),
     intensity: Option<f32>,
     db: f32,
     peak: f32,

@@ -13,6 +13,7 @@ mod clips_file;
 mod config;
 mod energy;
 mod facing;
+mod form;
 mod graph_dev;
 mod graphs;
 mod hand;

@@ -1,6 +1,6 @@
 """A piece of music with exactly known beats; every source of training music returns one."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -15,6 +15,7 @@ class Piece:
     beats: float64 seconds, ascending; a drum hit on the beat attacks at the beat's time.
     positions: int, position in the bar of each beat, 1 = downbeat.
     source: the generator, e.g. "compose", "mma", "midi".
+    sections: the time in seconds of the first beat of each section, and its name, where they are known.
     """
 
     audio: np.ndarray
@@ -23,3 +24,4 @@ class Piece:
     beats_per_bar: int
     style: str
     source: str
+    sections: list[tuple[float, str]] = field(default_factory=list)

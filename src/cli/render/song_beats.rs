@@ -6,7 +6,7 @@ use std::error::Error;
 use super::stages::{Stage, Stages};
 use crate::cli::inputs::{BeatTimes, locate_beat_error};
 use crate::config::Config;
-use corybant_core::beat::offline::{self, Beat};
+use corybant_core::beat::offline::{self, Beat, sections};
 use corybant_core::beat::tracker::{BeatSource, BeatTracker};
 
 /// Smallest mean confidence of the beats of a song, 0 to 1. With a lower confidence, the song is
@@ -23,12 +23,24 @@ pub(in crate::cli) struct SongBeats {
     pub(in crate::cli) counted_from: usize,
 }
 
-/// Finds the beats of the song with the samples `samples`. If `beat_times` (`--beats`) is given,
+/// Finds the beats and sections of the song with the samples `samples`. If `beat_times` (`--beats`) is given,
 /// uses these times instead.
 ///
 /// # Errors
 /// There are fewer than two beats, their mean confidence is too low, or `beat_times` is invalid.
 pub(in crate::cli) fn find_beats(
+    config: &Config,
+    samples: &[f32],
+    beat_times: Option<&BeatTimes>,
+    stages: &Stages,
+) -> Result<Vec<Beat>, Box<dyn Error>> {
+    let mut beats = find_times(config, samples, beat_times, stages)?;
+    sections::find(samples, &mut beats)?;
+    Ok(beats)
+}
+
+/// Finds the beats as [`find_beats`] does, without the sections of the music.
+fn find_times(
     config: &Config,
     samples: &[f32],
     beat_times: Option<&BeatTimes>,

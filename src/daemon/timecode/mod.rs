@@ -77,6 +77,7 @@ impl ListLeader {
         events: &mut dyn FnMut(Event),
     ) {
         let queue = &self.queue;
+        list.section(show.section(), |cue| queue.push(cue));
         let Some(lead) = &mut self.lead else {
             return list.due(now.0, show.song_beat(), |cue| queue.push(cue));
         };

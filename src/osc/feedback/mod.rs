@@ -11,6 +11,7 @@ use rosc::{OscMessage, OscPacket, OscType, encoder};
 use triple_buffer::{Input, Output};
 
 use crate::rt::show_names::NamesReader;
+use corybant_core::beat::form::section::SectionStart;
 use corybant_core::cue::namespace::Namespace;
 use corybant_core::cue::verbs::{Readout, Shape};
 use corybant_core::fault::{Fault, Faults};
@@ -71,6 +72,11 @@ pub enum Value {
     Int(i32),
     /// A text, such as the name of a clip.
     Text(String),
+    /// The name of a section of the music, the number of beats until the next section (-1 if it is
+    /// unknown), and the confidence, 0 to 1.
+    Section(String, i32, f32),
+    /// The place of a beat in its phrase, from 1, and the number of beats in the phrase.
+    Place(i32, i32),
 }
 
 impl Value {
@@ -81,20 +87,27 @@ impl Value {
             Shape::Unit | Shape::Number(..) => Self::Float(0.0),
             Shape::Count(_) => Self::Int(0),
             Shape::Text => Self::Text(String::new()),
+            Shape::Section => Self::Section(String::new(), -1, 0.0),
+            Shape::Place => Self::Place(1, 1),
         }
     }
 
-    /// Returns an encoded OSC message to the OSC address `path` with this value as its only
-    /// argument.
+    /// Returns an encoded OSC message to the OSC address `path` with this value as its arguments.
     pub fn message(&self, path: &str) -> Vec<u8> {
-        let argument = match self {
-            Self::Float(x) => OscType::Float(*x),
-            Self::Int(n) => OscType::Int(*n),
-            Self::Text(text) => OscType::String(text.clone()),
+        let args = match self {
+            Self::Float(x) => vec![OscType::Float(*x)],
+            Self::Int(n) => vec![OscType::Int(*n)],
+            Self::Text(text) => vec![OscType::String(text.clone())],
+            Self::Section(name, beats, confidence) => vec![
+                OscType::String(name.clone()),
+                OscType::Int(*beats),
+                OscType::Float(*confidence),
+            ],
+            Self::Place(place, beats) => vec![OscType::Int(*place), OscType::Int(*beats)],
         };
         encoder::encode(&OscPacket::Message(OscMessage {
             addr: path.into(),
-            args: vec![argument],
+            args,
         }))
         .unwrap_or_default()
     }
@@ -201,6 +214,12 @@ impl StatePublisher {
                     .join(", "),
             ),
             Readout::Source => Value::Text(status.source.name().into()),
+            Readout::Section => section_value(status, status.form.now),
+            Readout::NextSection => section_value(status, status.form.next),
+            Readout::PhraseBeat => {
+                let (place, beats) = status.phrase;
+                Value::Place(place as i32 + 1, beats as i32)
+            }
             Readout::From(source) => Value::Float(on(status.source == source)),
             Readout::Frozen => Value::Float(on(status.frozen)),
             Readout::Level => Value::Float(rounded(
@@ -214,6 +233,16 @@ impl StatePublisher {
             Readout::Heartbeat => Value::Int(0),
         }
     }
+}
+
+/// Returns the value of the section `start` of a show with this status.
+fn section_value(status: &Status, start: Option<SectionStart>) -> Value {
+    let next = status.form.next.map(|next| next.beat as f64 - status.beat);
+    Value::Section(
+        start.map_or("", |start| start.section.name()).into(),
+        next.map_or(-1, |beats| beats.ceil().max(0.0) as i32),
+        start.map_or(0.0, |start| rounded(start.confidence.into(), 100.0)),
+    )
 }
 
 /// Returns the value of a switch as a number: 1 if `yes` is true, otherwise 0.
@@ -338,12 +367,14 @@ mod tests {
             let tag = match value {
                 Value::Float(x) => {
                     assert!(x.is_finite(), "{}", address.path);
-                    'f'
+                    "f"
                 }
-                Value::Int(_) => 'i',
-                Value::Text(_) => 's',
+                Value::Int(_) => "i",
+                Value::Text(_) => "s",
+                Value::Section(..) => "sif",
+                Value::Place(..) => "ii",
             };
-            assert_eq!(tag, address.shape.tag(), "{}", address.path);
+            assert_eq!(tag, address.shape.tags(), "{}", address.path);
         }
     }
 }

@@ -145,7 +145,7 @@ fn parts(path: &str) -> impl Iterator<Item = &str> {
 fn add_method(address: &Address, value: Option<&Value>, json: &mut Map<String, Json>) {
     let (read, write) = (address.readout.is_some(), address.command.is_some());
     json.insert("DESCRIPTION".into(), address.help.clone().into());
-    json.insert("TYPE".into(), address.shape.tag().to_string().into());
+    json.insert("TYPE".into(), address.shape.tags().into());
     json.insert(
         "ACCESS".into(),
         (u8::from(read) + 2 * u8::from(write)).into(),
@@ -155,24 +155,32 @@ fn add_method(address: &Address, value: Option<&Value>, json: &mut Map<String, J
         Shape::Number(min, max) => Some(json!([{ "MIN": min, "MAX": max }])),
         Shape::Count(max) => Some(json!([{ "MIN": 0, "MAX": max }])),
         Shape::Text => None,
+        Shape::Section => Some(json!([{}, { "MIN": -1 }, { "MIN": 0.0, "MAX": 1.0 }])),
+        Shape::Place => Some(json!([{ "MIN": 1 }, { "MIN": 1 }])),
     };
     json.extend(range.map(|range| ("RANGE".to_owned(), range)));
     if let Some(value) = value.filter(|_| read) {
-        json.insert("VALUE".into(), json!([to_json(value)]));
+        json.insert("VALUE".into(), to_json(value));
     }
 }
 
-/// Converts a value of an OSC address to JSON. A float is written with no more digits than are
-/// needed to distinguish it from other floats.
+/// Converts a value of an OSC address to a JSON array of its arguments.
 fn to_json(value: &Value) -> Json {
     match value {
-        Value::Float(x) => x
-            .to_string()
-            .parse::<f64>()
-            .map_or(Json::Null, |x| json!(x)),
-        Value::Int(n) => json!(n),
-        Value::Text(text) => json!(text),
+        Value::Float(x) => json!([float(*x)]),
+        Value::Int(n) => json!([n]),
+        Value::Text(text) => json!([text]),
+        Value::Section(name, beats, confidence) => json!([name, beats, float(*confidence)]),
+        Value::Place(place, beats) => json!([place, beats]),
     }
+}
+
+/// Converts a float to JSON, with no more digits than are needed to distinguish it from other
+/// floats.
+fn float(x: f32) -> Json {
+    x.to_string()
+        .parse::<f64>()
+        .map_or(Json::Null, |x| json!(x))
 }
 
 #[cfg(test)]

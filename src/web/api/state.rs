@@ -4,6 +4,7 @@
 use serde_json::{Value, json};
 
 use super::ApiNames;
+use corybant_core::beat::form::section::SectionStart;
 use corybant_core::graph::Attribute;
 use corybant_core::show::status::Status;
 
@@ -11,7 +12,8 @@ use corybant_core::show::status::Status;
 ///
 /// `{"time":s,"beat":b,"bar":0..,"beats_per_bar":4,"bpm":x,"source":"audio",
 /// "source_state":"waiting|alive|stopped|lost","frozen":bool,"confidence":0..1,"energy":0..1,
-/// "intensity":0..1|null,"level_db":dBFS,"music":bool,"held":bool,"panicked":bool,
+/// "section":{"name":name,"beat":b,"confidence":0..1}|null,"next_section":the same|null,
+/// "phrase":{"beat":0..,"beats":n},"intensity":0..1|null,"level_db":dBFS,"music":bool,"held":bool,"panicked":bool,
 /// "motion":"label|free|idle","label":name|null,"clip":name,"next":name,
 /// "cues":[{"label":name,"dancing":bool,"beats_left":n},…],"warnings":[…]}`. A number that is not
 /// finite becomes `null`.
@@ -34,6 +36,9 @@ pub(super) fn to_json(status: &Status, names: &ApiNames, warnings: Value) -> Val
         "frozen": status.frozen,
         "confidence": rounded(status.confidence.into(), 1e3),
         "energy": rounded(status.energy.into(), 1e3),
+        "section": status.form.now.map(section),
+        "next_section": status.form.next.map(section),
+        "phrase": { "beat": status.phrase.0, "beats": status.phrase.1 },
         "intensity": status.intensity.map(|x| rounded(x.into(), 1e3)),
         "level_db": rounded(status.level_db.into(), 10.0),
         "music": status.music,
@@ -49,6 +54,14 @@ pub(super) fn to_json(status: &Status, names: &ApiNames, warnings: Value) -> Val
             "beats_left": cue.beats_left,
         })).collect::<Vec<_>>(),
         "warnings": warnings,
+    })
+}
+
+fn section(start: SectionStart) -> Value {
+    json!({
+        "name": start.section.name(),
+        "beat": start.beat,
+        "confidence": rounded(start.confidence.into(), 1e2),
     })
 }
 

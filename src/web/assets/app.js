@@ -191,8 +191,7 @@ function showNow() {
   const left = latest.queue.find(([, dancing]) => dancing)?.[2];
   const then = latest.next !== latest.clip && `then ${about.clips[latest.next]}`;
   setText($('now-clip'), [about.clips[latest.clip], left && beatsLeft(left), then].filter(Boolean).join(' · '));
-  setText($('music'), latest.music ? 'music' : 'no music');
-  $('music').dataset.on = latest.music;
+  showSection();
 }
 
 /** The text on a pad for `state`: beats until the label starts, if known, or beats left. */
@@ -239,7 +238,8 @@ function showSource() {
 function showAhead() {
   const list = $('ahead');
   const first = Math.floor(latest.beat ?? 0) + 1;
-  const text = JSON.stringify([first, latest.ahead, latest.bar, latest.beats_per_bar]);
+  const section = latest.next_section;
+  const text = JSON.stringify([first, latest.ahead, latest.bar, latest.beats_per_bar, section]);
   if (list.dataset.shown === text) return;
   list.dataset.shown = text;
   const now = latest.idle ? -1 : latest.label;
@@ -249,7 +249,9 @@ function showAhead() {
     beat.dataset.kind = wanted === null ? 'free' : wanted < 0 ? 'idle' : 'label';
     beat.dataset.downbeat = ((latest.bar ?? 0) + 1 + i) % latest.beats_per_bar === 0;
     if (wanted !== (i ? latest.ahead[i - 1] : now)) beat.textContent = name;
-    beat.setAttribute('aria-label', `in ${i + 1} ${i ? 'beats' : 'beat'}: ${name}`);
+    const begins = section?.[1] === first + i ? section[0] : '';
+    if (begins) beat.dataset.section = begins;
+    beat.setAttribute('aria-label', `in ${i + 1} ${i ? 'beats' : 'beat'}: ${name}${begins && `, ${begins} begins`}`);
     return beat;
   }));
 }
@@ -288,17 +290,29 @@ function beatNow() {
   return (latest.beat ?? 0) + Math.min((performance.now() - latestAt) / 60000 * (latest.bpm ?? 0), 0.25);
 }
 
-/** Shows the bar, counted from 0, in its phrase of 8 bars. */
-function showBar(bar) {
+/** Shows the bar in its phrase at the beat `place` of the phrase, counted from 0. A phrase has 8 bars, or less if a section follows earlier. */
+function showBar(place) {
   const element = $('phrase');
-  if (element.dataset.bar === String(bar)) return;
-  element.dataset.bar = bar;
-  const place = ((bar % PHRASE_BARS) + PHRASE_BARS) % PHRASE_BARS;
+  const length = latest.beats_per_bar;
+  const bars = Math.min(Math.max(Math.ceil(latest.phrase[1] / length), 1), PHRASE_BARS);
+  const bar = Math.floor(place / length) % bars;
+  if (element.dataset.bar === `${bar}/${bars}`) return;
+  element.dataset.bar = `${bar}/${bars}`;
   [...element.children].forEach((cell, i) => {
-    cell.classList.toggle('on', i === place);
-    cell.classList.toggle('past', i < place);
+    cell.classList.toggle('on', i === bar);
+    cell.classList.toggle('past', i < bar);
+    cell.classList.toggle('missing', i >= bars);
   });
-  element.setAttribute('aria-label', `Bar ${place + 1} of ${PHRASE_BARS}`);
+  element.setAttribute('aria-label', `Bar ${bar + 1} of ${bars}`);
+}
+
+/** Shows the section of the music, and the next one with the number of beats until it. */
+function showSection() {
+  const now = latest.section?.[0] ?? 'music';
+  const next = latest.next_section;
+  const beats = next && next[1] - Math.floor(latest.beat ?? 0);
+  setText($('music'), !latest.music ? 'no music' : beats > 0 ? `${now}, ${next[0]} in ${beats}` : now);
+  $('music').dataset.on = latest.music;
 }
 
 function showBeat(beat) {
@@ -313,7 +327,7 @@ function showBeat(beat) {
     [...element.children].forEach((block, i) => block.classList.toggle('on', i === place));
     element.setAttribute('aria-label', `Beat ${place + 1} of ${count}`);
   }
-  showBar(Math.floor((Math.floor(latest.beat ?? 0) - (latest.bar ?? 0)) / count + (Math.floor(beat) - Math.floor(latest.beat ?? 0) + (latest.bar ?? 0)) / count));
+  showBar(latest.phrase[0] + Math.floor(beat) - Math.floor(latest.beat ?? 0));
   const pulse = still.matches ? 0.7 : (1 - (beat - Math.floor(beat))) ** 2;
   element.style.setProperty('--pulse', pulse.toFixed(3));
   return still.matches ? 0.3 : pulse;

@@ -36,8 +36,8 @@ def _tempo(rng: np.random.Generator, style: Style) -> tuple[float, float]:
     return bpm, float(rng.choice([0.02, 0.0167, 0.01, 0.025]))
 
 
-def compose(rng: np.random.Generator, seconds: float, style_name: str | None = None) -> Piece:
-    """A piece of `seconds`, of a style drawn by its weight or of the one named."""
+def compose(rng: np.random.Generator, seconds: float, style_name: str | None = None, form_name: str | None = None) -> Piece:
+    """A piece of `seconds`, of a style drawn by its weight or of the one named, in the form of its style or the one named."""
     style = draw_style(rng, style_name)
     bpm, tick_s = _tempo(rng, style)
     bar = int(parts.choose(rng, style.beats_per_bar))
@@ -65,7 +65,7 @@ def compose(rng: np.random.Generator, seconds: float, style_name: str | None = N
     snares = [p.sound for p in band if p.name == "snare"]
     sounds["snare"] = snares[0] if snares and rng.random() < 0.8 else sounds["snare"]
     sounds["riser"] = instruments.riser(rng)
-    form = Arranger(rng, band, Harmony.draw(rng, bar), (bar, sub), style.form).write(beats, sounds)
+    form = Arranger(rng, band, Harmony.draw(rng, bar), (bar, sub), form_name or style.form).write(beats, sounds)
     for part in band:
         if part.group in ("lead", "chords") and part.manner not in ("pad", "chug", "ring") and rng.random() < 0.25:
             parts.echo(rng, part)
@@ -78,4 +78,5 @@ def compose(rng: np.random.Generator, seconds: float, style_name: str | None = N
     audio = mix(rng, band, shifted, form, count, ducked, live_s)
     inside = (shifted.times_s >= 0) & (shifted.times_s < seconds)
     positions = (np.arange(len(shifted.times_s)) % bar + 1)[inside]
-    return Piece(audio, shifted.times_s[inside], positions, bar, style.name, "compose")
+    sections = [(max(float(shifted.times_s[beat]), 0.0), name) for beat, name in form.sections]
+    return Piece(audio, shifted.times_s[inside], positions, bar, style.name, "compose", sections)

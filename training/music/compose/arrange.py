@@ -16,6 +16,7 @@ PLAYS = {
     "break": {"kick": 0.06, "snare": 0.12, "hats": 0.25, "percussion": 0.25, "bass": 0.35, "chords": 0.97, "lead": 0.6},
     "build": {"kick": 0.5, "snare": 0.0, "hats": 0.5, "percussion": 0.4, "bass": 0.25, "chords": 0.9, "lead": 0.4},
     "beat": {"kick": 0.95, "snare": 0.9, "hats": 0.8, "percussion": 0.9, "bass": 0.3, "chords": 0.08, "lead": 0.03},
+    "drop": {"kick": 1.0, "snare": 0.97, "hats": 0.97, "percussion": 0.9, "bass": 1.0, "chords": 0.95, "lead": 0.8},
     "loose": {"kick": 0.75, "snare": 0.75, "hats": 0.7, "percussion": 0.6, "bass": 0.75, "chords": 0.7, "lead": 0.5},
 }
 FORMS = {
@@ -25,12 +26,28 @@ FORMS = {
     "loop": ("intro", "main", "loose", "main", "loose", "beat", "main", "break", "main"),
 }
 
+# The form of dance music with its drops: the name of each section, how it is written (a key of PLAYS), and its possible lengths in bars.
+SET = (
+    ("intro", "intro", (8, 16)),
+    ("groove", "main", (8, 16, 16, 32)),
+    ("breakdown", "break", (4, 8, 8, 16)),
+    ("build-up", "build", (4, 8, 8, 16)),
+    ("drop", "drop", (16, 16, 32)),
+    ("groove", "main", (8, 8, 16)),
+    ("breakdown", "break", (4, 8, 16)),
+    ("build-up", "build", (4, 8, 8)),
+    ("drop", "drop", (16, 16, 32)),
+    ("outro", "intro", (8, 16)),
+)
+
 
 @dataclass
 class Form:
-    """Data for the mixer besides events: silences, as (first beat, last beat)."""
+    """Data besides events. silences: for the mixer, as (first beat, last beat). sections: the first beat and the name of each section of a
+    piece with the form "set"; empty for other forms."""
 
     silences: list[tuple[float, float]]
+    sections: list[tuple[int, str]]
 
 
 class Arranger:
@@ -40,7 +57,9 @@ class Arranger:
         """meter: (beats in a bar, steps in a beat)."""
         self.rng, self.parts, self.harmony = rng, parts, harmony
         self.bar, self.sub = meter
-        self.sections = FORMS[form]
+        self.sections = FORMS.get(form, ())
+        # The build-ups of dance music mostly have a riser.
+        self.riser_chance = 0.5 if self.sections else 0.8
         self.fill_every = int(rng.choice([2, 4, 4, 8, 8, 1000]))
         self.fill_chance = rng.uniform(0.3, 1.0)
         self.silences: list[tuple[float, float]] = []
@@ -54,6 +73,8 @@ class Arranger:
 
     def write(self, beats: int, sounds: dict[str, instruments.Sound]) -> Form:
         """Fills `beats` beats; sounds: "tom", "snare", "crash", "riser"."""
+        if not self.sections:
+            return self._write_set(beats, sounds)
         at = int(self.rng.integers(len(self.sections)))
         start = 0
         while start < beats:
@@ -63,7 +84,22 @@ class Arranger:
             start += bars * self.bar
             at += 1 if self.rng.random() < 0.85 else int(self.rng.integers(1, 4))
         self.parts.extend(self.extras.values())
-        return Form(self.silences)
+        return Form(self.silences, [])
+
+    def _write_set(self, beats: int, sounds: dict[str, instruments.Sound]) -> Form:
+        """Writes the sections of SET, and begins again if beats are left."""
+        start, sections = 0, []
+        while start < beats:
+            for name, kind, lengths in SET:
+                # A groove after a drop, and a build-up, may be missing.
+                if start >= beats or (name in ("groove", "build-up") and start and self.rng.random() < 0.15):
+                    continue
+                bars = int(self.rng.choice(lengths))
+                sections.append((start, name))
+                self._section(kind, start, bars, sounds)
+                start += bars * self.bar
+        self.parts.extend(self.extras.values())
+        return Form(self.silences, sections)
 
     def _tick(self, start: int, bars: int) -> None:
         """Bars of the parts as they are, with nothing added but a pause now and then."""
@@ -99,7 +135,7 @@ class Arranger:
                         self.extra("crash", "hats", sounds["crash"]).events.append((float(start + (k + 1) * self.bar), 1.0, (0,), 1.0))
         if rng.random() < 0.65 and kind in ("main", "verse", "break", "beat"):
             self.extra("crash", "hats", sounds["crash"]).events.append((float(start), 1.0, (0,), 1.0))
-        if rng.random() < (0.5 if kind == "build" else 0.08):
+        if rng.random() < (self.riser_chance if kind == "build" else 0.08):
             length = float(min(bars, int(rng.choice([1, 2, 4]))) * self.bar)
             self.extra("riser", "effects", sounds["riser"]).events.append((end - length, length, (int(rng.integers(40, 70)),), 1.0))
         if rng.random() < (0.3 if kind in ("build", "break") else 0.09):

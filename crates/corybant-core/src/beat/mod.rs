@@ -31,6 +31,7 @@ mod audio_tracker;
 mod backend;
 pub mod bar_length;
 pub mod edit;
+pub mod form;
 mod metre;
 pub mod offline;
 pub mod phase;

@@ -24,6 +24,7 @@ use super::audio_tracker::AudioBeatTracker;
 use super::backend::TrackerBackend;
 use super::bar_length::BarLength;
 use super::edit::GridEdit;
+use super::form::{BeatSound, FormSound};
 use super::tempo::period_range::PeriodRange;
 use crate::dsp::energy::Energy;
 use crate::dsp::level::Level;
@@ -212,6 +213,7 @@ pub struct BeatTracker {
     level: Level,
     sound: SoundChecker,
     energy: Energy,
+    form_sound: FormSound,
     /// Number (on the timeline) of the latest beat at or before the end of the last hop; always a
     /// whole number.
     current_beat: f64,
@@ -254,6 +256,7 @@ impl BeatTracker {
             level: Level::new(),
             sound: SoundChecker::new(),
             energy: Energy::new(),
+            form_sound: FormSound::new(),
             current_beat: 0.0,
             hop: [0.0; HOP],
             filled: 0,
@@ -350,6 +353,12 @@ impl BeatTracker {
         self.energy.latest()
     }
 
+    /// Returns the sound of the beat between the sample times `from` and `to`; `None` if it is not
+    /// complete, no longer stored (4 s) or shorter than 10 ms.
+    pub(crate) fn beat_sound(&self, from: Seconds, to: Seconds) -> Option<BeatSound> {
+        self.form_sound.beat(from.0, to.0)
+    }
+
     /// Removes the oldest predicted beat from the queue and returns it; `None` if the queue is
     /// empty. The queue holds 256 beats; when it is full, a new beat displaces the oldest. Beats
     /// are predicted only while there is music.
@@ -380,6 +389,7 @@ impl BeatTracker {
 
     fn update_energy(&mut self) {
         self.energy.hop(&self.hop);
+        self.form_sound.hop(&self.hop);
         let timeline = *self.timeline();
         let beat = timeline.beat_at(Seconds(self.now())).0.floor();
         if beat != self.current_beat {

@@ -1,17 +1,20 @@
-//! The output of `corybant beats`: tab-separated values, one line per beat.
+//! The output of `corybant beats`: tab-separated values, one line per beat or section.
 //!
 //! In: samples in blocks of any size, or the beats of a whole recording.
 //! Out: lines `beat_time_s \t decided_at_s \t bpm \t confidence`, optionally with `\t
-//! bar_position \t beats_per_bar`; positions are counted from 1. Each line is flushed at once.
+//! bar_position \t beats_per_bar`; positions are counted from 1. For sections: lines `start_time_s
+//! \t decided_at_s \t section \t confidence \t announced|begun`. Each line is flushed at once.
 //! Thread: any except audio; it waits for its writer.
 //! Allocates: no.
 
 use std::io::{self, Write};
 
+use crate::beat::form::FormTracker;
+use crate::beat::form::section::{Form, SectionStart};
 use crate::beat::offline::Beat;
 use crate::beat::tracker::{BeatTracker, PredictedBeat};
 use crate::dsp::HOP;
-use crate::time::{Bpm, Seconds};
+use crate::time::{Beats, Bpm, Seconds};
 
 /// Feeds `samples` to `tracker` and writes one line to `out` for each predicted beat. The line has
 /// the time of the beat, the time of the prediction, the tempo and the confidence. If `bars` is
@@ -38,6 +41,49 @@ pub fn write_beats(
         }
     }
     Ok(lines)
+}
+
+/// Feeds `samples` to `tracker`, and writes one line to `out` for each section of the music that is
+/// announced or begins, and for each change of an announcement. The line has the time of its first
+/// beat, the time of the decision, the name of the section, the confidence, and `announced` or
+/// `begun`.
+///
+/// # Errors
+/// The error of `out` if a line cannot be written, and of `FormTracker::new` as another error.
+pub fn write_sections(
+    tracker: &mut BeatTracker,
+    samples: &[f32],
+    out: &mut impl Write,
+) -> io::Result<()> {
+    let mut form = FormTracker::new().map_err(io::Error::other)?;
+    let mut before = Form::default();
+    let place = |start: Option<SectionStart>| start.map(|start| (start.section, start.beat));
+    for hop in samples.chunks(HOP) {
+        tracker.feed(hop);
+        let now = tracker.fed_until();
+        let sound = |from, to| tracker.beat_sound(from, to);
+        form.update(tracker.timeline(), now, tracker.music(), sound);
+        let after = *form.form();
+        for (old, new, word) in [
+            (before.next, after.next, "announced"),
+            (before.now, after.now, "begun"),
+        ] {
+            let Some(start) = new.filter(|_| place(old) != place(new)) else {
+                continue;
+            };
+            writeln!(
+                out,
+                "{:.4}\t{:.4}\t{}\t{:.2}\t{word}",
+                tracker.timeline().time_of(Beats(start.beat as f64)).0,
+                now.0,
+                start.section.name(),
+                start.confidence,
+            )?;
+            out.flush()?;
+        }
+        before = after;
+    }
+    Ok(())
 }
 
 /// Writes one line to `out` for each of the `beats` at which there is music. The line has the time

@@ -8,6 +8,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use super::DEFAULT_BEATS;
+use crate::beat::form::section::PhraseGrid;
 use crate::graph::LabelId;
 use crate::time::Bars;
 
@@ -53,6 +54,19 @@ pub enum Quantise {
     /// Eight bars: the cue starts at the start of the next group of eight bars.
     #[serde(rename = "8bars")]
     Bars8,
+    /// Phrase: the cue starts at the start of the next phrase: 8 bars after the last one, or at the
+    /// next section that the music announces.
+    #[serde(rename = "phrase")]
+    Phrase,
+}
+
+/// The bars and phrases of the music: on which beats a cue may start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Metre {
+    /// The beats that start a bar, and the length of a bar.
+    pub bars: Bars,
+    /// The beats that start a phrase.
+    pub phrases: PhraseGrid,
 }
 
 /// The error for an unknown word in the place of a launch mode or of a quantisation.
@@ -95,20 +109,21 @@ impl FromStr for Mode {
 
 impl Quantise {
     /// All quantisations, each with its name in cue lists, MIDI maps and OSC addresses.
-    pub const ALL: [(Self, &'static str); 6] = [
+    pub const ALL: [(Self, &'static str); 7] = [
         (Self::Now, "now"),
         (Self::Beat, "beat"),
         (Self::Bar, "bar"),
         (Self::Bars2, "2bars"),
         (Self::Bars4, "4bars"),
         (Self::Bars8, "8bars"),
+        (Self::Phrase, "phrase"),
     ];
 
     /// Returns the number of bars from one possible start of a cue to the next; 0 if the cue may
-    /// start on any beat.
+    /// start on any beat, or at the start of a phrase.
     fn bars(self) -> i64 {
         match self {
-            Self::Now | Self::Beat => 0,
+            Self::Now | Self::Beat | Self::Phrase => 0,
             Self::Bar => 1,
             Self::Bars2 => 2,
             Self::Bars4 => 4,
@@ -117,9 +132,12 @@ impl Quantise {
     }
 
     /// Returns the number of the first beat, at or after `beat`, on which a cue with this
-    /// quantisation may start. `bars` is the metre: which beats start a bar, and the length of a
-    /// bar.
-    pub fn from(self, beat: i64, bars: Bars) -> i64 {
+    /// quantisation may start. `metre` tells which beats start a bar and which start a phrase.
+    pub fn from(self, beat: i64, metre: &Metre) -> i64 {
+        if self == Self::Phrase {
+            return metre.phrases.next_start(beat);
+        }
+        let bars = metre.bars;
         match self.bars() * i64::from(bars.beats) {
             0 => beat,
             every => beat + (bars.first - beat).rem_euclid(every),
@@ -134,7 +152,7 @@ impl FromStr for Quantise {
         let found = Self::ALL.iter().find(|(_, name)| *name == word);
         found.map(|(quantise, _)| *quantise).ok_or(UnknownWord {
             word: word.into(),
-            allowed: "now, beat, bar, 2bars, 4bars and 8bars",
+            allowed: "now, beat, bar, 2bars, 4bars, 8bars and phrase",
         })
     }
 }
@@ -195,13 +213,21 @@ mod tests {
 
     #[test]
     fn a_launch_waits_for_bars_but_not_for_beats() {
-        let bars = Bars { first: 2, beats: 4 };
-        let from = |quantise: Quantise| [1, 2, 3, 7].map(|beat| quantise.from(beat, bars));
+        let metre = Metre {
+            bars: Bars { first: 2, beats: 4 },
+            phrases: PhraseGrid {
+                first: 2,
+                beats: 32,
+                end: Some(18),
+            },
+        };
+        let from = |quantise: Quantise| [1, 2, 3, 7].map(|beat| quantise.from(beat, &metre));
         assert_eq!(from(Quantise::Beat), [1, 2, 3, 7]);
         assert_eq!(from(Quantise::Now), [1, 2, 3, 7]);
         assert_eq!(from(Quantise::Bar), [2, 2, 6, 10]);
         assert_eq!(from(Quantise::Bars2), [2, 2, 10, 10]);
         assert_eq!(from(Quantise::Bars4), [2, 2, 18, 18]);
+        assert_eq!(from(Quantise::Phrase), [2, 2, 18, 18]);
     }
 
     #[test]

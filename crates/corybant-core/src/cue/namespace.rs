@@ -203,11 +203,11 @@ mod tests {
         assert_eq!(at("/cue/hip_hop_2").help, "dance hip/hop for 8 beats");
         assert_eq!(
             (
-                at("/cue/salsa/lamp").shape.tag(),
-                at("/cue/salsa").shape.tag(),
-                at("/state/clip").shape.tag()
+                at("/cue/salsa/lamp").shape.tags(),
+                at("/cue/salsa").shape.tags(),
+                at("/state/clip").shape.tags()
             ),
-            ('i', 'f', 's')
+            ("i", "f", "s")
         );
         assert_eq!(
             at("/cue/salsa/4bars").command,
@@ -242,7 +242,7 @@ mod tests {
             .unwrap();
         let paths = &paths[label..];
         assert_eq!(
-            (paths[0], paths[1], paths[13], paths[14]),
+            (paths[0], paths[1], paths[14], paths[15]),
             (
                 "/cue/salsa",
                 "/cue/salsa/trigger",
@@ -250,7 +250,7 @@ mod tests {
                 "/cue/salsa/lamp"
             )
         );
-        assert_eq!(paths.len(), 15, "the addresses of labels come last");
+        assert_eq!(paths.len(), 16, "the addresses of labels come last");
         let two = Namespace::new(&["salsa".to_owned(), "pop".to_owned()]);
         assert_eq!(two.all()[..namespace.all().len()], *namespace.all());
     }

@@ -92,6 +92,11 @@ fn words(shape: Shape) -> String {
         Shape::Count(i32::MAX) => "integer, from 0".into(),
         Shape::Count(max) => format!("integer, 0 to {max}"),
         Shape::Text => "text".into(),
+        Shape::Section => {
+            "text; integer, beats until the next section, -1 if unknown; float, confidence, 0 to 1"
+                .into()
+        }
+        Shape::Place => "integer, from 1; integer, beats in the phrase".into(),
     }
 }
 

@@ -45,6 +45,20 @@ impl Biquad {
         }
     }
 
+    /// Returns a Butterworth high-pass filter that attenuates the frequency `cutoff_hz` by 3 dB.
+    pub(crate) fn highpass(cutoff_hz: f64) -> Self {
+        let k = prewarped(cutoff_hz);
+        let norm = 1.0 / (1.0 + SQRT_2 * k + k * k);
+        Self {
+            b: [norm, -2.0 * norm, norm],
+            a: [
+                2.0 * (k * k - 1.0) * norm,
+                (1.0 - SQRT_2 * k + k * k) * norm,
+            ],
+            state: [0.0; 2],
+        }
+    }
+
     /// Returns the first filter of K-weighting (the loudness filter of ITU-R BS.1770): a high shelf
     /// that models the effect of the head and raises treble by 4 dB.
     pub(crate) fn k_shelf() -> Self {

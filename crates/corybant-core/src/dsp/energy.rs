@@ -11,6 +11,7 @@
 
 use super::SAMPLE_RATE;
 use super::biquad::Biquad;
+use super::onset_envelope::{OnsetEnvelope, db};
 use crate::maths;
 
 /// Number of samples in a chunk of 10 ms, the time step of all measurements.
@@ -22,8 +23,6 @@ const CHUNK_S: f64 = CHUNK as f64 / SAMPLE_RATE as f64;
 const CHUNKS: usize = 400;
 /// Limit of the absolute value of a sample; greater samples are clamped. Full scale is 1.
 const SAMPLE_MAX: f32 = 8.0;
-/// Lower limit of levels, in dBFS; lower levels are raised to this value.
-const FLOOR_DB: f64 = -100.0;
 /// Loudness below which a beat counts as silent, in LUFS: the absolute gate of ITU-R BS.1770.
 const SILENCE_LUFS: f64 = -70.0;
 /// Offset that is added to the level of the K-weighted sound in decibels to get the loudness in
@@ -33,16 +32,6 @@ const LUFS_OFFSET_DB: f64 = -0.691;
 /// Number of chunks of 10 ms over which levels are averaged before onsets are detected. Noise and
 /// the single waves of bass notes are then not detected as onsets.
 const SMOOTH: usize = 3;
-/// Rate at which the envelope of the onset detector falls, in dB per chunk of 10 ms. The envelope
-/// rises with the level at once.
-const RELEASE_DB: f64 = 1.2;
-/// Height of the level above the envelope of the onset detector, in dB, above which there is an
-/// onset. The envelope follows a rising level at once and falls slowly.
-const RISE_DB_MIN: f64 = 2.5;
-/// Least rise, in dB, at which the onset strength is 1, its greatest value. The rise is the height
-/// of the level above the slowly falling envelope. A smaller rise gives a proportionally smaller
-/// onset strength, and a rise up to [`RISE_DB_MIN`] gives 0.
-const RISE_DB: f64 = 10.0;
 /// Least number of chunks of 10 ms over which onsets are counted (2 s). The rhythm within a bar
 /// then has little effect on the onset density.
 const DENSITY_CHUNKS: u64 = 200;
@@ -113,7 +102,7 @@ pub struct Energy {
     chunk_count: u64,
     /// Envelopes of the onset detector (levels that rise at once and fall slowly): one for the
     /// K-weighted level and one for the treble level.
-    envelopes: [Envelope; 2],
+    envelopes: [OnsetEnvelope; 2],
     /// Ring buffer of the latest beats. An entry is the score of a beat (loudness plus onset
     /// density) in dB, and the time of the end of the beat, in seconds of sound since the first
     /// sample.
@@ -146,7 +135,7 @@ impl Energy {
             filled: 0,
             chunks: [Chunk::default(); CHUNKS],
             chunk_count: 0,
-            envelopes: [Envelope { db: FLOOR_DB }; 2],
+            envelopes: [OnsetEnvelope::default(); 2],
             scores: [(0.0, f64::NEG_INFINITY); SCORES],
             beats: 0,
             score_db: None,
@@ -284,32 +273,6 @@ impl Energy {
         let at = |q: f64| scores[(q * (count - 1) as f64).round() as usize];
         (at(QUANTILES.0), at(QUANTILES.1))
     }
-}
-
-/// The envelope of a level in dB. It rises with the level at once and falls by [`RELEASE_DB`] per
-/// chunk of 10 ms.
-#[derive(Clone, Copy, Debug)]
-struct Envelope {
-    db: f64,
-}
-
-impl Envelope {
-    /// Updates the envelope with the level `level_db` of the next chunk of 10 ms, and returns the
-    /// onset strength of this chunk, 0..1.
-    fn rise(&mut self, level_db: f64) -> f64 {
-        let rise_db = level_db - (self.db - RELEASE_DB);
-        self.db = level_db.max(self.db - RELEASE_DB);
-        if rise_db > RISE_DB_MIN {
-            (rise_db / RISE_DB).min(1.0)
-        } else {
-            0.0
-        }
-    }
-}
-
-/// Converts a mean square (full scale is 1) to decibels, at least [`FLOOR_DB`].
-fn db(power: f64) -> f64 {
-    (10.0 * maths::log10(power)).max(FLOOR_DB)
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@ pub mod energy;
 mod filterbank;
 mod hum;
 pub mod level;
+pub(crate) mod onset_envelope;
 pub mod slew_limited;
 pub mod sound_check;
 pub mod spectrum;

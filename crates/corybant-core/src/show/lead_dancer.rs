@@ -258,7 +258,7 @@ impl LeadDancer {
     /// beat, otherwise from the loop, otherwise from the planner.
     fn commit_step(&mut self, state: &mut DancerState, context: &TickContext, events: &mut Events) {
         let from = state.dancer.committed_until();
-        self.schedule.set_bars(context.music.timeline.bars());
+        self.schedule.set_metre(context.music.metre());
         self.look_ahead_of(from as i64, context);
         let node = self.planner.node();
         self.repeat(from as i64);
@@ -330,6 +330,7 @@ impl LeadDancer {
                 from,
                 bars: context.music.timeline.bars(),
                 music: &self.ahead[..horizon],
+                form: context.music.form,
                 seed: self.planner.settings().seed,
             };
             self.choreographer.choose(&moment, &mut wanted[..=horizon]);

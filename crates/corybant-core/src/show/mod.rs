@@ -46,7 +46,9 @@ pub mod status;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
+use crate::beat::form::section::SectionStart;
 use crate::beat::tracker::BeatSource;
+use crate::cue::list::LEAD_BEATS;
 use crate::cue::tempo_limits::limited;
 use crate::cue::{Cue, OFFSET_MS_MAX, OutputCommand, Place};
 use crate::dance::beat_path::BeatPath;
@@ -446,6 +448,12 @@ impl Show {
         self.music
             .first_beat
             .map(|first| self.beat().0 - first as f64)
+    }
+
+    /// Returns the section of the music that plays, or begins within half a beat; `None` while it is
+    /// unknown.
+    pub fn section(&self) -> Option<SectionStart> {
+        self.music.form.begun(self.beat().0, LEAD_BEATS)
     }
 
     /// Removes and returns the oldest unread event; `None` if there is no unread event.

@@ -13,7 +13,9 @@ use std::sync::Arc;
 
 use thiserror::Error;
 
-use crate::beat::offline::Beat;
+use crate::beat::form::section::Form;
+use crate::beat::offline::{Beat, sections};
+use crate::cue::launch::Metre;
 use crate::cue::list::CueList;
 use crate::cue::schedule::Schedule;
 use crate::cue::{Cue, DanceCommand};
@@ -141,6 +143,8 @@ pub fn write(
 struct SongRequirements {
     /// The music of each beat of the song.
     music: Vec<MusicBeat>,
+    /// The form of the music at each beat of the song.
+    forms: Vec<Form>,
     /// The attribute (label, idle or unlabelled) that is wanted on each beat. Labels are those of
     /// the dancer's graph.
     wanted: Vec<Attribute>,
@@ -160,14 +164,18 @@ impl SongRequirements {
     fn new(song: &Song, mut cues: CueList, filter: &CueFilter, member: &Member) -> Self {
         let mut schedule = Schedule::new();
         let (mut requirements, mut held) = (Self::default(), false);
+        requirements.forms = sections::forms(song.beats, song.first);
         for (n, pair) in song.beats.windows(2).enumerate() {
             let (beat, number) = (&pair[0], song.first + n as i64);
-            schedule.set_bars(Bars {
+            let bars = Bars {
                 first: number - i64::from(beat.bar_position),
                 beats: beat.beats_per_bar,
-            });
+            };
+            let form = requirements.forms[n];
+            let phrases = form.phrases(bars);
+            schedule.set_metre(Metre { bars, phrases });
             let counted = (n as f64 - song.counted_from as f64).max(-1.0);
-            cues.due(beat.time, (counted >= 0.0).then_some(counted), |cue| {
+            let mut send = |cue| {
                 let Cue::Dance(command) = cue else { return };
                 let Some(command) = filter.own(command) else {
                     return;
@@ -182,7 +190,9 @@ impl SongRequirements {
                     | DanceCommand::Intensity(_)
                     | DanceCommand::Follow(_) => held && !jumps,
                 };
-            });
+            };
+            cues.due(beat.time, (counted >= 0.0).then_some(counted), &mut send);
+            cues.section(form.now, send);
             let mut wanted = [Attribute::None];
             // A cue that starts during a hold waits until the hold ends.
             if !held {
@@ -234,6 +244,7 @@ impl SongRequirements {
                     beats: self.music[beat].beats_per_bar,
                 },
                 music: &self.music[beat..until],
+                form: self.forms[beat],
                 seed,
             };
             choreographer.choose(&moment, &mut wanted);

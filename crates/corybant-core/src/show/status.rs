@@ -2,6 +2,7 @@
 //! Out: plain `Copy` values. Thread: the show thread computes them, any thread reads them.
 //! Allocates: never.
 
+use crate::beat::form::section::Form;
 pub use crate::cue::schedule::{QUEUE_SHOWN_MAX, QueuedCue};
 use crate::dsp::sound_check::SoundCheck;
 use crate::graph::Attribute;
@@ -52,6 +53,10 @@ pub struct Status {
     pub confidence: f32,
     /// The energy (strength) of the music in the last complete beat, from 0 to 1.
     pub energy: f32,
+    /// The section of the music, and the next one as far as the music announces it.
+    pub form: Form,
+    /// The place of the current beat in its phrase, from 0, and the number of beats in this phrase.
+    pub phrase: (u32, u32),
     /// The intensity of the dance (how much the body moves), from 0 to 1, as set by a cue or a
     /// command. `None` if none has set it; the energy of the music is then used instead.
     pub intensity: Option<f32>,
@@ -131,6 +136,8 @@ impl Default for Status {
             peers: 0,
             confidence: 0.0,
             energy: 0.0,
+            form: Form::default(),
+            phrase: (0, 32),
             intensity: None,
             level_db: -120.0,
             sound: SoundCheck::default(),
@@ -195,6 +202,8 @@ impl Show {
             peers: self.tempo.peers(),
             confidence: self.tempo.confidence(),
             energy: self.music.energy,
+            form: self.music.form,
+            phrase: self.music.metre().phrases.place(beat.0.floor() as i64),
             intensity: lead.intensity,
             level_db: self.tempo.level_db(),
             sound: self.tempo.sound(),

@@ -6,14 +6,16 @@
 //! Thread: show.
 //! Allocates: never after `new`.
 //!
-//! The beat tracker runs even while another source leads: it measures the energy of the music and
-//! is ready when the source "audio" is selected again.
+//! The beat tracker runs even while another source leads: it measures the energy and the sound of
+//! the music, from which the form tracker finds sections on the beats of the show, and it is ready when the source "audio" is selected again.
 
 use super::command::{CommandResolver, TempoCommand};
 use super::external::ExternalTempo;
 use super::settings::{LinkRole, Settings};
 use super::source::{SourceState, TempoSource, TimestampedMessage};
 use crate::beat::BeatError;
+use crate::beat::form::FormTracker;
+use crate::beat::form::section::Form;
 use crate::beat::tracker::{BeatSource, BeatTracker};
 use crate::dsp::sound_check::SoundCheck;
 use crate::time::{Bpm, Seconds, Timeline};
@@ -28,6 +30,8 @@ pub struct TempoSelector {
     commands: CommandResolver,
     /// The beats of all tempo sources except audio.
     external: ExternalTempo,
+    /// The tracker of the sections of the music, on the beats of the show.
+    form: FormTracker,
     /// The selected tempo source.
     source: TempoSource,
     /// Number that is added to the beat numbers of the beat tracker to get the beat numbers of the
@@ -68,6 +72,7 @@ impl TempoSelector {
             tracker,
             commands: CommandResolver::new(range),
             external,
+            form: FormTracker::new()?,
             source: TempoSource::Audio,
             number_offset: 0,
             music: false,
@@ -168,6 +173,15 @@ impl TempoSelector {
     /// (seconds since its first audio sample).
     pub fn tick(&mut self, now: Seconds, shift: Seconds) {
         (self.now, self.shift) = (now.0, shift);
+        self.follow(now, shift);
+        let tracker = &self.tracker;
+        let sound = |from, to| tracker.beat_sound(from - shift, to - shift);
+        self.form.update(&self.timeline, now, self.music, sound);
+    }
+
+    /// Updates the timeline from the selected tempo source at the show time `now`. `shift` is show
+    /// time minus the sample time of the beat tracker.
+    fn follow(&mut self, now: Seconds, shift: Seconds) {
         while let Some(beat) = self.tracker.next_predicted() {
             if self.follows_audio() {
                 self.first_beat
@@ -220,6 +234,11 @@ impl TempoSelector {
     /// Returns the energy (strength) of the music in the last complete beat, 0 to 1.
     pub fn energy(&self) -> f32 {
         self.tracker.energy()
+    }
+
+    /// Returns the form of the music: its section, the next one, and the phrases.
+    pub fn form(&self) -> &Form {
+        self.form.form()
     }
 
     /// Returns the level of the audio input, in dBFS; see [`BeatTracker::level_db`].

@@ -54,6 +54,7 @@ fn run(
             heard: true,
             energy: energy(beat),
             first_beat: Some(0),
+            form: Default::default(),
         };
         let cues = if tick % 60 == 0 {
             cues(beat)

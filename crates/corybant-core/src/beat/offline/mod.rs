@@ -15,12 +15,14 @@
 pub mod bars;
 pub mod observations;
 pub mod phase;
+pub mod sections;
 pub mod viterbi;
 
 use crate::beat::BeatError;
 use crate::beat::activation::FrontEnd;
 use crate::beat::activation::ensemble::Ensemble;
 use crate::beat::activation::flux::Flux;
+use crate::beat::form::section::Section;
 use crate::beat::metre::features::DownbeatFeatures;
 use crate::beat::metre::repetition::History;
 use crate::beat::offline::bars::BarOdds;
@@ -94,6 +96,10 @@ pub struct Beat {
     /// True if there is music at this beat. A part of the recording without music counts as music
     /// if it lasts at most 4 s.
     pub music: bool,
+    /// The section of the music at this beat; `None` if it is unknown. See [`sections`].
+    pub section: Option<Section>,
+    /// True if a section begins with this beat.
+    pub begins_section: bool,
 }
 
 /// Creates the front end (the part that computes activations) of the beat tracker that
@@ -154,6 +160,8 @@ pub fn beats(
         confidence: confidences[n],
         energy: energies[n],
         music: music(times[n]),
+        section: None,
+        begins_section: false,
     };
     Ok((0..times.len()).map(beat).collect())
 }
@@ -169,6 +177,8 @@ pub fn annotated(times: &[f64], samples: &[f32], beats_per_bar: u32) -> Vec<Beat
         confidence: 1.0,
         energy,
         music: true,
+        section: None,
+        begins_section: false,
     };
     times
         .iter()
@@ -211,6 +221,8 @@ pub fn through(mut beats: Vec<Beat>, seconds: f64) -> (Vec<Beat>, usize) {
             confidence: 0.0,
             energy: 0.0,
             music,
+            section: None,
+            begins_section: false,
         }
     };
     let earlier = (1..=before).rev().map(|n| {

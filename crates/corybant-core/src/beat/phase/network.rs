@@ -11,11 +11,11 @@
 //! perceptron gives it a score. The softmax of the eight scores is the probability of each half
 //! beat.
 
-use half::f16;
-use safetensors::{Dtype, SafeTensors};
+use safetensors::SafeTensors;
 
 use crate::beat::activation::net::dense::Dense;
 use crate::beat::activation::net::error::NetError;
+use crate::beat::activation::net::tensors::halves;
 use crate::beat::phase::pattern::{BAR, COLUMNS, FEATURES, POSITIONS};
 use crate::maths;
 
@@ -143,33 +143,4 @@ pub fn bar_odds(starts: &[f64; STARTS], half: usize) -> f32 {
     let all: f64 = starts.iter().skip(half % 2).step_by(2).sum();
     let share = (starts[half] / all.max(f64::MIN_POSITIVE)).clamp(START_MIN, 1.0 - START_MIN);
     maths::ln(share / (1.0 - share)) as f32
-}
-
-/// Returns the values of the tensor `name`, which must have 16-bit floats and the given `shape`.
-fn halves(file: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<f32>, NetError> {
-    let tensor = file.tensor(name).map_err(|_| NetError::Missing {
-        what: "tensor",
-        name: name.to_owned(),
-    })?;
-    if tensor.dtype() != Dtype::F16 || tensor.shape() != shape {
-        return Err(NetError::Tensor {
-            name: name.to_owned(),
-            found: format!("{} {:?}", tensor.dtype(), tensor.shape()),
-            expected: format!("{} {shape:?}", Dtype::F16),
-        });
-    }
-    let values = tensor.data().as_chunks().0.iter();
-    let check = |(index, &bytes): (usize, &[u8; 2])| {
-        let value = f16::from_le_bytes(bytes).to_f32();
-        if value.is_finite() {
-            return Ok(value);
-        }
-        Err(NetError::Value {
-            name: name.to_owned(),
-            index,
-            value,
-            allowed: "finite",
-        })
-    };
-    values.enumerate().map(check).collect()
 }

@@ -100,12 +100,13 @@ fn rest(whole: u32, beats: f64, is_reverse: bool) -> u32 {
 }
 
 impl CueList {
-    /// Returns the list in the order of time, as [`CueList::locate`] needs it. Cues at beats must
-    /// have been converted by [`CueList::timed`].
+    /// Returns the list in the order of time, as [`CueList::locate`] needs it; cues at sections come
+    /// last. Cues at beats must have been converted by [`CueList::timed`].
     #[must_use]
     pub fn in_order_of_time(mut self) -> Self {
         let time = |when: &When| match *when {
             When::Time(time) | When::Beat(time) => time,
+            When::Section(_) => f64::INFINITY,
         };
         let mut order: Vec<usize> = (0..self.entries.len()).collect();
         order.sort_by(|&a, &b| time(&self.entries[a].0).total_cmp(&time(&self.entries[b].0)));

@@ -1,8 +1,8 @@
 //! Cue lists: text files with cues for a song. In: the text of a `CUES.txt`. Out: cues, each with
 //! its time or its beat. Thread: any.
 //!
-//! Each line has one cue: `TIME|@BEAT  label  [beats=8] [mode=trigger|gate|toggle|repeat]
-//! [quantise=now|beat|bar|2bars|4bars|8bars] [velocity=0..1] [avoid]`. A number without a key after
+//! Each line has one cue: `TIME|@BEAT|on=SECTION  label  [beats=8] [mode=trigger|gate|toggle|repeat]
+//! [quantise=now|beat|bar|2bars|4bars|8bars|phrase] [velocity=0..1] [avoid]`. A number without a key after
 //! the label means `beats`. `#` starts a comment. `!panic`, `!hold`, `!release`, `!intensity 0.7`
 //! or `!intensity release` may stand in place of the label. A gate is held for its beats. The
 //! second toggle of a label ends the first one, and so does the second repeat.
@@ -15,6 +15,7 @@ use thiserror::Error;
 use super::control_text::{self, MARK};
 use super::launch::{Launch, Mode};
 use super::{Cue, DanceCommand};
+use crate::beat::form::section::{Section, SectionStart};
 use crate::graph::LabelId;
 use crate::text::did_you_mean;
 use crate::time::BPM_SLOWEST;
@@ -39,6 +40,8 @@ pub enum When {
     Time(f64),
     /// Beat: number of beats from the first beat of the song, which is beat 0.
     Beat(f64),
+    /// Section: each time that such a section of the music begins.
+    Section(Section),
 }
 
 /// The error for one line of a cue list that cannot be used.
@@ -73,6 +76,8 @@ pub struct CueList {
     /// The time (seconds) and the beat at the previous call of [`CueList::due`]; `None` before the
     /// first call. The beat is `None` while it is unknown.
     before: Option<(f64, Option<f64>)>,
+    /// The section at the previous call of [`CueList::section`] and its first beat.
+    section: Option<(Section, i64)>,
 }
 
 impl CueList {
@@ -105,6 +110,7 @@ impl CueList {
                 lines,
                 given,
                 before: None,
+                section: None,
             })
         } else {
             Err(errors)
@@ -171,6 +177,7 @@ impl CueList {
                     let is_due = late.is_some_and(|late| late >= 0.0);
                     (is_due, late.filter(|_| beat_gap))
                 }
+                When::Section(_) => (false, None),
             };
             if is_due && !*given {
                 *given = true;
@@ -179,6 +186,22 @@ impl CueList {
                 }
             }
         }
+    }
+}
+
+impl CueList {
+    /// Calls `send` for each cue that waits for the section `start`, in the order of the list, when
+    /// the section begins. `start` is the section that plays, or that begins within
+    /// [`LEAD_BEATS`]; `None` while it is unknown.
+    pub fn section(&mut self, start: Option<SectionStart>, mut send: impl FnMut(Cue)) {
+        let section = start.map(|start| (start.section, start.beat));
+        let before = std::mem::replace(&mut self.section, section);
+        let Some((now, _)) = section.filter(|_| section != before) else {
+            return;
+        };
+        let waiting = self.entries.iter();
+        let due = waiting.filter(|(when, _)| *when == When::Section(now));
+        due.for_each(|(_, cue)| send(*cue));
     }
 }
 
@@ -204,7 +227,7 @@ pub fn read_line(line: &str, labels: &[String]) -> Result<Option<(When, Cue)>, S
             Ok(None)
         } else {
             Err(format!(
-                "`{line}` has no label: write `TIME label` or `@BEAT label`"
+                "`{line}` has no label: write `TIME label`, `@BEAT label` or `on=SECTION label`"
             ))
         };
     };
@@ -269,9 +292,15 @@ fn begins_with(text: &str, label: &str) -> bool {
         .is_some_and(|rest| rest.is_empty() || rest.starts_with(char::is_whitespace))
 }
 
-/// Parses the position of a cue at the start of a line: a time in seconds, such as `12.5`, or a
-/// beat, such as `@16`.
+/// Parses the position of a cue at the start of a line: a time in seconds, such as `12.5`, a beat,
+/// such as `@16`, or a section, such as `on=drop`.
 fn parse_when(text: &str) -> Result<When, String> {
+    if let Some(section) = text.strip_prefix("on=") {
+        let section: Result<Section, _> = section.parse();
+        return section
+            .map(When::Section)
+            .map_err(|error| error.to_string());
+    }
     let (number, is_beat) = text
         .strip_prefix('@')
         .map_or((text, false), |beat| (beat, true));
@@ -282,7 +311,7 @@ fn parse_when(text: &str) -> Result<When, String> {
             When::Time(value)
         }),
         _ => Err(format!(
-            "`{text}` is neither a time in seconds (12.5) nor a beat (@16), 0 or more"
+            "`{text}` is neither a time in seconds (12.5) nor a beat (@16), 0 or more, nor a section (on=drop)"
         )),
     }
 }
@@ -476,5 +505,29 @@ mod tests {
         assert_eq!(after.len(), 4, "{after:?}");
         assert_eq!(after[0], Cue::Dance(DanceCommand::Hold(true)));
         assert!(count(61.0, Some(122.0)).is_empty());
+    }
+
+    #[test]
+    fn a_cue_for_a_section_is_sent_each_time_that_it_begins() {
+        let text = "on=drop salsa 16\non=breakdown pop\n4 !hold\n";
+        let mut list = CueList::parse(text, &labels()).unwrap();
+        let mut at = |section: Section, beat: i64| {
+            let start = SectionStart {
+                section,
+                beat,
+                confidence: 0.7,
+            };
+            let mut sent = Vec::new();
+            list.section(Some(start), |cue| sent.push(cue));
+            sent
+        };
+        let salsa = Cue::Dance(DanceCommand::Launch(Launch::new(0, 16)));
+        assert!(at(Section::Groove, 0).is_empty());
+        assert_eq!(at(Section::Drop, 32), [salsa]);
+        assert!(at(Section::Drop, 32).is_empty(), "the same drop");
+        assert_eq!(at(Section::Breakdown, 64).len(), 1);
+        assert_eq!(at(Section::Drop, 96), [salsa]);
+        let error = CueList::parse("on=chorus pop", &labels()).unwrap_err();
+        assert!(error[0].problem.contains("intro, groove"), "{error:?}");
     }
 }

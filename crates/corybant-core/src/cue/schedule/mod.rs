@@ -11,9 +11,8 @@
 //! [`REACH_BEATS_MAX`] beats.
 
 use crate::graph::{Attribute, LabelId};
-use crate::time::Bars;
 
-use super::launch::{Launch, Mode, Quantise};
+use super::launch::{Launch, Metre, Mode, Quantise};
 use super::{DanceCommand, REACH_BEATS_MAX};
 
 /// The greatest number of waiting and running cues in the status of a show; further cues are not
@@ -64,34 +63,34 @@ impl Entry {
     }
 
     /// Returns the number of the first beat on which the cue may start, according to its
-    /// quantisation. `bars` gives the metre.
-    fn begins(&self, bars: Bars) -> i64 {
-        self.launch.quantise.from(self.asked, bars)
+    /// quantisation. `metre` gives the bars and phrases.
+    fn begins(&self, metre: &Metre) -> i64 {
+        self.launch.quantise.from(self.asked, metre)
     }
 
     /// Returns the number of the first beat after the cue; `None` while the end of the cue is not
-    /// known. `bars` gives the metre.
-    fn ends(&self, bars: Bars) -> Option<i64> {
+    /// known. `metre` gives the bars and phrases.
+    fn ends(&self, metre: &Metre) -> Option<i64> {
         let length = i64::from(self.launch.beats);
         match self.launch.mode {
-            Mode::Trigger if self.launch.avoid => Some(self.begins(bars) + length),
+            Mode::Trigger if self.launch.avoid => Some(self.begins(metre) + length),
             Mode::Trigger => self.arrived.map(|beat| beat + length),
             Mode::Gate | Mode::Toggle | Mode::Repeat => self
                 .launch
                 .held_beats
-                .map(|beats| self.begins(bars) + i64::from(beats)),
+                .map(|beats| self.begins(metre) + i64::from(beats)),
         }
     }
 
     /// Returns true if the cue has ended at or before the beat with the number `beat`.
-    fn over_at(&self, beat: i64, bars: Bars) -> bool {
-        self.ends(bars).is_some_and(|end| beat >= end)
+    fn over_at(&self, beat: i64, metre: &Metre) -> bool {
+        self.ends(metre).is_some_and(|end| beat >= end)
     }
 
     /// Returns true if the cue still waits, at the beat with the number `beat`, for the beat or bar
     /// on which it may start.
-    fn is_armed(&self, beat: i64, bars: Bars) -> bool {
-        self.arrived.is_none() && self.begins(bars) > beat
+    fn is_armed(&self, beat: i64, metre: &Metre) -> bool {
+        self.arrived.is_none() && self.begins(metre) > beat
     }
 }
 
@@ -141,8 +140,8 @@ pub struct Schedule {
     cues: Vec<Entry>,
     /// The queued cues, the next one first. They wait until all other cues are over.
     queue: Vec<Entry>,
-    /// The metre: which beats start a bar, and the number of beats in a bar.
-    bars: Bars,
+    /// The metre: which beats start a bar and which start a phrase.
+    metre: Metre,
     /// The intensity of the dance (how much the body moves) that a performer set, 0 to 1. It is
     /// used on beats without a cue that sets an intensity; `None` to use the energy of the music.
     intensity: Option<f32>,
@@ -164,15 +163,15 @@ impl Schedule {
         Self {
             cues: room(),
             queue: room(),
-            bars: Bars { first: 0, beats: 4 },
+            metre: Metre::default(),
             intensity: None,
             panicked: false,
         }
     }
 
-    /// Sets the metre: which beats start a bar, and the number of beats in a bar.
-    pub fn set_bars(&mut self, bars: Bars) {
-        self.bars = bars;
+    /// Sets the metre: which beats start a bar and which start a phrase.
+    pub fn set_metre(&mut self, metre: Metre) {
+        self.metre = metre;
     }
 
     /// Applies one dance command to the cues; `next` is the number of the first beat that the
@@ -241,11 +240,11 @@ impl Schedule {
     /// the number of the first beat that the planner has not yet committed (fixed).
     fn launch(&mut self, launch: Launch, next: i64) -> Applied {
         self.panicked = false;
-        let bars = self.bars;
+        let metre = self.metre;
         // A second press ends a toggle, and it cancels a cue that still waits for its start.
         let cancelled = self.cues.iter().any(|entry| {
             let same = entry.launch.label == launch.label && entry.launch.avoid == launch.avoid;
-            same && (entry.is_armed(next, bars)
+            same && (entry.is_armed(next, &metre)
                 || (entry.launch.mode, launch.mode) == (Mode::Toggle, Mode::Toggle))
         });
         self.remove(launch.label);
@@ -272,10 +271,10 @@ impl Schedule {
     /// the label can be danced; the length of the newest cue counts from then.
     fn in_force(&self, beat: i64, from: i64, reach: &impl Fn(LabelId) -> u32) -> Option<&Entry> {
         let found = self.cues.iter().enumerate().rev().find(|(i, entry)| {
-            let begins = entry.begins(self.bars);
+            let begins = entry.begins(&self.metre);
             !entry.launch.avoid
                 && beat >= begins
-                && match entry.ends(self.bars) {
+                && match entry.ends(&self.metre) {
                     Some(end) => beat < end,
                     None if entry.launch.mode != Mode::Trigger => true,
                     // The length of the latest cue counts from the first beat on which its label
@@ -336,7 +335,9 @@ impl Schedule {
     /// Calls `each` for every label that must not be danced at beat number `from`.
     pub fn avoided(&self, from: i64, each: impl FnMut(LabelId)) {
         let avoided = self.cues.iter().filter(|entry| {
-            entry.launch.avoid && from >= entry.begins(self.bars) && !entry.over_at(from, self.bars)
+            entry.launch.avoid
+                && from >= entry.begins(&self.metre)
+                && !entry.over_at(from, &self.metre)
         });
         avoided.map(|entry| entry.launch.label).for_each(each);
     }
@@ -359,21 +360,20 @@ impl Schedule {
     /// `beats` beats, the first of which is beat number `beat`. Returns whether a cue was dropped,
     /// and whether the label of a cue was danced for the first time.
     pub fn commit(&mut self, beat: i64, beats: u32, attribute: Attribute) -> Committed {
-        let bars = self.bars;
-        self.cues.retain(|entry| !entry.over_at(beat, bars));
+        let metre = self.metre;
+        self.cues.retain(|entry| !entry.over_at(beat, &metre));
         if !self.queue.is_empty() && self.cues.iter().all(|entry| entry.launch.avoid) {
             self.cues
                 .push(Entry::new(self.queue.remove(0).launch, beat));
         }
         let mut committed = Committed::default();
-        let top = self
-            .cues
-            .iter()
-            .rposition(|entry| !entry.launch.avoid && beat + i64::from(beats) > entry.begins(bars));
+        let top = self.cues.iter().rposition(|entry| {
+            !entry.launch.avoid && beat + i64::from(beats) > entry.begins(&metre)
+        });
         if let Some(top) = top.filter(|&top| self.cues[top].arrived.is_none()) {
             let entry = &mut self.cues[top];
             if attribute == Attribute::Label(entry.launch.label) {
-                entry.arrived = Some(beat.max(entry.begins(bars)));
+                entry.arrived = Some(beat.max(entry.begins(&metre)));
                 committed.arrived = true;
             } else {
                 entry.waited += beats;
@@ -383,7 +383,7 @@ impl Schedule {
             }
         }
         self.cues
-            .retain(|entry| !entry.over_at(beat + i64::from(beats), bars));
+            .retain(|entry| !entry.over_at(beat + i64::from(beats), &metre));
         committed
     }
 
@@ -411,7 +411,7 @@ impl Schedule {
             let label = entry.launch.label;
             let whole = i64::from(entry.launch.beats);
             let beats_left = entry
-                .ends(self.bars)
+                .ends(&self.metre)
                 .map_or(whole, |end| (end - beat).max(0)) as u32;
             let beats_left = if entry.launch.mode == Mode::Trigger {
                 beats_left.min(entry.launch.beats)

@@ -1,6 +1,7 @@
 //! Tests of the schedule: when cues start, how long they last and how they end.
 
 use super::*;
+use crate::time::Bars;
 
 fn trigger(label: LabelId, beats: u32) -> DanceCommand {
     DanceCommand::Launch(Launch::new(label, beats))
@@ -183,7 +184,10 @@ fn a_held_repeat_in_force_repeats_after_its_beats() {
 #[test]
 fn a_cue_waits_for_the_next_bar_and_a_second_press_cancels_it() {
     let mut schedule = Schedule::new();
-    schedule.set_bars(Bars { first: 2, beats: 4 });
+    schedule.set_metre(Metre {
+        bars: Bars { first: 2, beats: 4 },
+        ..Metre::default()
+    });
     let bar = launch(0, 2, |launch| launch.quantise = Quantise::Bar);
     schedule.apply(bar, 3);
     assert_eq!(

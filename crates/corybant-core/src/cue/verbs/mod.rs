@@ -127,6 +127,11 @@ pub enum Shape {
     Count(i32),
     /// Text: a string.
     Text,
+    /// Section: the name of the section of the music (a string), the number of beats until the next
+    /// one (an integer, -1 if it is not announced), and the confidence (a float, 0 to 1).
+    Section,
+    /// Place: the place in a phrase from 1, and its number of beats (two integers).
+    Place,
 }
 
 /// A value that the show reports to control surfaces at an OSC address.
@@ -164,6 +169,12 @@ pub enum Readout {
     Queue,
     /// Name of the selected tempo source.
     Source,
+    /// The section of the music.
+    Section,
+    /// The section that the music announces.
+    NextSection,
+    /// The place of the beat in its phrase.
+    PhraseBeat,
     /// Level of the audio input, 0 (-60 dBFS or less) to 1 (full scale).
     Level,
     /// Lateness of the poses, in milliseconds: 99 of 100 recent poses were sent at most this long
@@ -299,12 +310,14 @@ impl fmt::Display for Argument {
 }
 
 impl Shape {
-    /// Returns the OSC type tag of the value: `f` (float), `i` (integer) or `s` (string).
-    pub fn tag(self) -> char {
+    /// Returns the OSC type tags of the value: `f` (float), `i` (integer) and `s` (string).
+    pub fn tags(self) -> &'static str {
         match self {
-            Self::Unit | Self::Number(..) => 'f',
-            Self::Count(_) => 'i',
-            Self::Text => 's',
+            Self::Unit | Self::Number(..) => "f",
+            Self::Count(_) => "i",
+            Self::Text => "s",
+            Self::Section => "sif",
+            Self::Place => "ii",
         }
     }
 }

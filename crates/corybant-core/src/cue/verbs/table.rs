@@ -98,7 +98,7 @@ const fn source(
 /// of the OSC addresses are reported: first, label by label, the values of the commands for a
 /// label, then the values of the other commands.
 #[rustfmt::skip]
-pub const VERBS: [Verb; 43] = [
+pub const VERBS: [Verb; 44] = [
     launch("/cue/LABEL", PLAIN,
         "LABEL", r#"{"cue":"LABEL"}"#, "dance LABEL for 8 beats"),
     launch("/cue/LABEL/trigger", PLAIN,
@@ -121,6 +121,8 @@ pub const VERBS: [Verb; 43] = [
         "LABEL quantise=4bars", r#"{"cue":"LABEL","quantise":"4bars"}"#, "dance LABEL from the next four bars on"),
     launch("/cue/LABEL/8bars", Launch { quantise: Quantise::Bars8, ..PLAIN },
         "LABEL quantise=8bars", r#"{"cue":"LABEL","quantise":"8bars"}"#, "dance LABEL from the next eight bars on"),
+    launch("/cue/LABEL/phrase", Launch { quantise: Quantise::Phrase, ..PLAIN },
+        "LABEL quantise=phrase", r#"{"cue":"LABEL","quantise":"phrase"}"#, "dance LABEL from the next phrase on"),
     launch("/cue/LABEL/queue", Launch { queued: true, ..PLAIN },
         "", r#"{"cue":"LABEL","queue":true}"#, "dance LABEL after all other cues"),
     launch("/cue/LABEL/avoid", Launch { avoid: true, ..PLAIN },
@@ -209,7 +211,7 @@ const fn readout(
 
 /// All OSC addresses that only report a value, in the order in which the values are reported.
 #[rustfmt::skip]
-pub const READOUTS: [ReadoutAddress; 13] = [
+pub const READOUTS: [ReadoutAddress; 16] = [
     readout("/cue/LABEL/lamp", Shape::Count(2), Readout::Lamp(0), "LABEL is idle (0), armed (1) or danced (2)"),
     readout("/beat/phase", Shape::Unit, Readout::Phase, "position within the beat"),
     readout("/beat/bpm", BPM, Readout::Bpm, "the tempo, beats per minute"),
@@ -219,6 +221,9 @@ pub const READOUTS: [ReadoutAddress; 13] = [
     readout("/state/next", Shape::Text, Readout::Next, "the clip that is danced next, as far as it is committed"),
     readout("/state/queue", Shape::Text, Readout::Queue, "the labels of all waiting and running cues, the one in force first"),
     readout("/state/source", Shape::Text, Readout::Source, "the tempo source"),
+    readout("/section", Shape::Section, Readout::Section, "the section of the music: intro, groove, build-up, drop, breakdown or outro"),
+    readout("/section/next", Shape::Section, Readout::NextSection, "the section that the music announces; empty if it announces none"),
+    readout("/phrase/beat", Shape::Place, Readout::PhraseBeat, "the place of the beat in its phrase"),
     readout("/meter/in", Shape::Unit, Readout::Level, "level of the audio input: 0 at -60 dBFS or less, 1 at full scale"),
     readout("/meter/late", Shape::Number(0.0, 1000.0), Readout::Late, "milliseconds of lateness that 99 of 100 recent poses stayed within"),
     readout("/meter/overruns", Shape::Count(i32::MAX), Readout::Overruns, "times that audio was lost because the show was late"),

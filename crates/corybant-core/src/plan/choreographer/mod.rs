@@ -21,6 +21,7 @@
 mod moves;
 mod phrase;
 
+use crate::beat::form::section::{Form, Section};
 use crate::graph::{Attribute, Graph, LabelId};
 use crate::maths;
 use crate::time::Bars;
@@ -52,6 +53,15 @@ const ENERGY_MIN: f32 = 0.02;
 /// The energies of the music for which the calmest and the strongest moves are right. Steady music
 /// has an energy of 0.6.
 const ENERGY_RANGE: [f32; 2] = [0.2, 0.9];
+/// Greatest energy that counts in a breakdown, and least energy that counts in a drop.
+const BREAKDOWN_ENERGY_MAX: f32 = 0.35;
+const DROP_LEVEL_MIN: f32 = 0.85;
+/// Confidence from which a section counts.
+const SECTION_SURE: f32 = 0.5;
+/// Greatest number of beats after the start of a section at which its dance may still begin.
+const SECTION_LATE_MAX: i64 = 4;
+/// Least number of beats that a move lasts before the next section replaces it.
+const SECTION_STAY_MIN: i64 = 4;
 /// Number of phrases in an arc.
 const ARC_PHRASES: u32 = 4;
 /// Growth of the wanted energy of the moves over an arc, and contrast between its phrases.
@@ -84,6 +94,8 @@ pub struct Moment<'a> {
     pub bars: Bars,
     /// The music of the beat `from` and of the following beats; at least one beat.
     pub music: &'a [MusicBeat],
+    /// The form of the music: its section, and the next one as far as it is announced.
+    pub form: Form,
     /// Seed of the show.
     pub seed: u64,
 }
@@ -123,6 +135,8 @@ pub struct Choreographer {
     /// Beat of the last update, and of the last drop.
     updated: i64,
     dropped: i64,
+    /// First beat of the last section whose dance has begun.
+    section: i64,
 }
 
 impl Choreographer {
@@ -145,6 +159,7 @@ impl Choreographer {
             energy: None,
             updated: i64::MIN,
             dropped: i64::MIN / 2,
+            section: i64::MIN / 2,
             moves,
         }
     }
@@ -182,7 +197,7 @@ impl Choreographer {
         let Some(beat) = moment.music.first() else {
             return;
         };
-        let is_drop = self.hear(moment.from, beat.energy);
+        let is_drop = self.hear(moment.from, beat.energy) | self.hear_drop(moment);
         match wanted.iter().position(|&it| it == Attribute::None) {
             Some(0) => self.advance(moment, is_drop),
             free => self.give_way(moment, wanted, free),
@@ -238,6 +253,52 @@ impl Choreographer {
         is_drop
     }
 
+    /// Returns true if a drop has just begun whose dance has not.
+    fn hear_drop(&mut self, moment: &Moment) -> bool {
+        let start = moment.form.begun(moment.from as f64, 0.0);
+        let Some(start) = start.filter(|start| start.section == Section::Drop) else {
+            return false;
+        };
+        let late = moment.from - start.beat;
+        let is_new = start.confidence >= SECTION_SURE
+            && (0..SECTION_LATE_MAX).contains(&late)
+            && start.beat - self.dropped >= DROP_BEATS_MIN;
+        if is_new {
+            (self.dropped, self.section) = (start.beat, start.beat);
+        }
+        is_new
+    }
+
+    /// Returns true if a section has just begun whose dance has not.
+    fn hear_section(&mut self, moment: &Moment) -> bool {
+        let Some(start) = moment.form.begun(moment.from as f64, 0.0) else {
+            return false;
+        };
+        let is_new = start.beat != self.section;
+        self.section = start.beat;
+        is_new
+            && moment.from - start.beat < SECTION_LATE_MAX
+            && moment.from - self.block.start >= SECTION_STAY_MIN
+    }
+
+    /// Ends the present move where the next section begins, if the music announces it. Returns true
+    /// if it does.
+    fn end_at_section(&mut self, moment: &Moment) -> bool {
+        let next = moment
+            .form
+            .next
+            .filter(|next| next.confidence >= SECTION_SURE);
+        let Some(next) = next.filter(|next| next.beat - self.block.start >= SECTION_STAY_MIN)
+        else {
+            return false;
+        };
+        if next.beat > moment.from && next.beat < self.block.end {
+            self.block.end = next.beat;
+            self.next = None;
+        }
+        self.block.end == next.beat
+    }
+
     /// Forgets the phrase and the beats at which moves were danced.
     fn restart(&mut self) {
         self.phrase = None;
@@ -269,14 +330,16 @@ impl Choreographer {
     fn advance(&mut self, moment: &Moment, is_drop: bool) {
         let from = moment.from;
         let age = from - self.block.start;
-        let has_changed = self.phrase.is_some_and(|phrase| {
-            (self.level(moment, from) - phrase.level).abs() > SECTION_CHANGE
-                && moment.bars.position(from) == 0
-                && age >= STAY_BEATS_MIN
-        });
-        if is_drop {
+        let has_changed = self.hear_section(moment)
+            || self.phrase.is_some_and(|phrase| {
+                (self.level(moment, from) - phrase.level).abs() > SECTION_CHANGE
+                    && moment.bars.position(from) == 0
+                    && age >= STAY_BEATS_MIN
+            });
+        let ends_at_section = self.end_at_section(moment);
+        if is_drop && !self.has_prepared_drop(from) {
             self.begin_phrase(from, moment);
-            self.block = self.signature_block(moment);
+            self.block = self.signature_block(from, moment);
             self.next = None;
         } else if self.is_interrupted || from >= self.block.end {
             let next = self.next.take();
@@ -291,7 +354,19 @@ impl Choreographer {
             self.block = self.block_at(from, moment);
             self.next = None;
         } else if from >= self.block.end - LEAD_BEATS && self.next.is_none() {
-            self.next = Some(self.block_at(self.block.end, moment));
+            let start = self.block.end;
+            if ends_at_section {
+                self.begin_phrase(start, moment);
+            }
+            let is_drop = moment
+                .form
+                .next
+                .is_some_and(|it| it.section == Section::Drop);
+            self.next = Some(if ends_at_section && is_drop {
+                self.signature_block(start, moment)
+            } else {
+                self.block_at(start, moment)
+            });
         }
         self.is_interrupted = false;
     }
@@ -304,7 +379,13 @@ impl Choreographer {
         };
         let ahead = usize::try_from(at - moment.from).unwrap_or(0);
         let known = moment.music.get(ahead).or(moment.music.last());
-        known.map_or(rapid, |beat| (rapid + beat.energy) / 2.0)
+        let level = known.map_or(rapid, |beat| (rapid + beat.energy) / 2.0);
+        let start = moment.form.begun(at as f64, 0.0);
+        match start.filter(|start| start.confidence >= SECTION_SURE) {
+            Some(start) if start.section == Section::Breakdown => level.min(BREAKDOWN_ENERGY_MAX),
+            Some(start) if start.section == Section::Drop => level.max(DROP_LEVEL_MIN),
+            _ => level,
+        }
     }
 
     /// Begins a phrase with the bar of the beat `beat`.
@@ -354,20 +435,27 @@ impl Choreographer {
         Block { start, end, chosen }
     }
 
-    /// Returns the block of a signature move that begins at once, at a drop.
-    fn signature_block(&mut self, moment: &Moment) -> Block {
+    /// Returns true if the signature move of a drop at the beat `from` begins there already.
+    fn has_prepared_drop(&self, from: i64) -> bool {
+        let block = self.next.filter(|next| next.start == from);
+        let chosen = block.and_then(|next| next.chosen);
+        chosen.is_some_and(|id| self.moves.traits(id).is_signature)
+    }
+
+    /// Returns the block of a signature move that begins at the beat `start`, at a drop.
+    fn signature_block(&mut self, start: i64, moment: &Moment) -> Block {
         let signatures = self
             .candidates()
             .filter(|&id| self.moves.traits(id).is_signature && Some(id) != self.block.chosen);
-        let price = |&id: &MoveId| self.recency(id, moment.from) + self.whim(id, moment.seed);
+        let price = |&id: &MoveId| self.recency(id, start) + self.whim(id, moment.seed);
         let chosen = signatures.min_by(|a, b| price(a).total_cmp(&price(b)));
         let Some(id) = chosen else {
-            return self.block_at(moment.from, moment);
+            return self.block_at(start, moment);
         };
         if let Some(phrase) = &mut self.phrase {
-            phrase.moves[phrase.place(moment.from, moment.bars)] = Some(id);
+            phrase.moves[phrase.place(start, moment.bars)] = Some(id);
         }
-        self.block_of(Some(id), moment.from, moment.bars)
+        self.block_of(Some(id), start, moment.bars)
     }
 
     /// Returns the move that fits best at the beat `start`, as the move number `place` of `phrase`:

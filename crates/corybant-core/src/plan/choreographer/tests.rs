@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::*;
+use crate::beat::form::section::SectionStart;
 use crate::graph::{ClipInfo, Edge, Node, Transition};
 use crate::time::Seconds;
 
@@ -65,6 +66,8 @@ struct Script<'a> {
     energy: &'a dyn Fn(i64) -> f32,
     /// What cues want at each beat.
     cued: &'a dyn Fn(i64) -> Attribute,
+    /// The form of the music at each beat.
+    form: &'a dyn Fn(i64) -> Form,
 }
 
 impl Default for Script<'_> {
@@ -73,6 +76,7 @@ impl Default for Script<'_> {
             bars: Bars { first: 0, beats: 4 },
             energy: &|_| 0.6,
             cued: &|_| Attribute::None,
+            form: &|_| Form::default(),
         }
     }
 }
@@ -92,6 +96,7 @@ impl Script<'_> {
                 from,
                 bars: self.bars,
                 music: &music,
+                form: (self.form)(from),
                 seed: 1,
             };
             choreographer.choose(&moment, &mut wanted);
@@ -212,4 +217,69 @@ fn without_sound_the_moves_follow_the_phrases() {
     let danced = silent.run(&mut Choreographer::new(&graph(18)), 768);
     let different: BTreeSet<_> = danced.iter().collect();
     assert_eq!(different.len(), 19);
+}
+
+/// Returns a section that begins at `beat`.
+fn start(section: Section, beat: i64) -> Option<SectionStart> {
+    Some(SectionStart {
+        section,
+        beat,
+        confidence: 0.8,
+    })
+}
+
+#[test]
+fn a_drop_that_the_music_announces_gets_a_signature_move_on_its_first_beat() {
+    let graph = graph(18);
+    for (announced, drop) in [(8, 84), (5, 90), (0, 84)] {
+        let form = |beat: i64| Form {
+            now: if beat >= drop {
+                start(Section::Drop, drop)
+            } else {
+                start(Section::Groove, 0)
+            },
+            next: start(Section::Drop, drop).filter(|_| (drop - announced..drop).contains(&beat)),
+        };
+        let script = Script {
+            form: &form,
+            ..Script::default()
+        };
+        let danced = script.run(&mut Choreographer::new(&graph), 120);
+        let at = |beat: i64| danced[beat as usize];
+        assert_ne!(at(drop), at(drop - 1), "announced {announced} beats ahead");
+        let Attribute::Label(label) = at(drop) else {
+            panic!("no label at the drop")
+        };
+        assert!(label >= 14, "label {label} is no signature move");
+        assert!((1..8).all(|n| at(drop + n) == at(drop)));
+    }
+}
+
+#[test]
+fn a_breakdown_is_danced_calmly_and_a_new_section_begins_a_move() {
+    let graph = graph(18);
+    let form = |beat: i64| Form {
+        now: match beat {
+            ..60 => start(Section::Groove, 0),
+            60..92 => start(Section::Breakdown, 60),
+            _ => start(Section::Groove, 92),
+        },
+        next: None,
+    };
+    let script = Script {
+        energy: &|_| 0.7,
+        form: &form,
+        ..Script::default()
+    };
+    let danced = script.run(&mut Choreographer::new(&graph), 124);
+    let mean = |beats: std::ops::Range<usize>| {
+        let count = beats.len() as f32;
+        let energy = |it: &Attribute| match it {
+            Attribute::Label(label) => f32::from(*label) + 1.0,
+            _ => 0.0,
+        };
+        danced[beats].iter().map(energy).sum::<f32>() / count
+    };
+    assert_ne!(danced[59], danced[60]);
+    assert!(mean(60..92) + 3.0 < mean(28..60), "{danced:?}");
 }

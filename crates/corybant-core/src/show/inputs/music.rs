@@ -6,6 +6,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::beat::form::section::Form;
+use crate::cue::launch::Metre;
 use crate::tempo::selector::TempoSelector;
 use crate::time::Timeline;
 
@@ -20,9 +22,20 @@ pub struct Music {
     pub energy: f32,
     /// The beat number of the first beat of the song; `None` while it is unknown.
     pub first_beat: Option<i64>,
+    /// The form of the music: its section, and the next one as far as it is announced.
+    pub form: Form,
 }
 
 impl Music {
+    /// Returns the bars and phrases of the music.
+    pub(in crate::show) fn metre(&self) -> Metre {
+        let bars = self.timeline.bars();
+        Metre {
+            bars,
+            phrases: self.form.phrases(bars),
+        }
+    }
+
     /// Returns the present tempo, beats and energy of the music from the tempo selector `tempo`.
     pub(in crate::show) fn of(tempo: &TempoSelector) -> Self {
         Self {
@@ -30,6 +43,7 @@ impl Music {
             heard: tempo.music(),
             energy: tempo.energy(),
             first_beat: tempo.first_beat(),
+            form: *tempo.form(),
         }
     }
 }

@@ -209,7 +209,9 @@ impl<R: Read> Reader<R> {
 fn fits(entry: &Entry) -> bool {
     let fits = |time: Seconds| (-LATEST..=LATEST).contains(&time.0);
     match entry {
-        Entry::Tick { now, music } => fits(*now) && music.energy.is_finite(),
+        Entry::Tick { now, music } => {
+            fits(*now) && music.energy.is_finite() && music.form.is_valid()
+        }
         Entry::Pose(sent) => fits(sent.time) && fits(sent.shown),
         Entry::Bounds { music, .. } => {
             let (beats, position) = (music.beats_per_bar, music.bar_position);

@@ -17,7 +17,8 @@ pub(crate) mod dense;
 pub mod error;
 pub mod file;
 pub mod network;
-mod recurrent;
+pub(crate) mod recurrent;
+pub(crate) mod tensors;
 
 use crate::beat::activation::net::error::NetError;
 use crate::beat::activation::net::network::Network;
