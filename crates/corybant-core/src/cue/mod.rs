@@ -13,6 +13,7 @@
 //! | `midi` | MIDI messages → cues, by a map |
 //! | `launch`, `schedule` | how a label is launched, and which label is wanted on each beat |
 //! | `list`, `recorder` | cue lists: reading and writing them |
+//! | `scene` | named states of a show: the section `[[scene]]` |
 //! | `take` | requests to record a live performer |
 //! | `labels` | label names in OSC addresses |
 
@@ -24,6 +25,7 @@ pub mod midi;
 pub mod namespace;
 pub mod osc;
 pub mod recorder;
+pub mod scene;
 pub mod schedule;
 pub mod take;
 pub mod tempo_limits;
@@ -38,8 +40,9 @@ use crate::tempo::command::TempoCommand;
 use crate::tempo::source::TimestampedMessage;
 use crate::time::Seconds;
 
-pub use labels::{find_label, osc_name, osc_names};
+pub use labels::{CueNames, find_label, osc_name, osc_names};
 pub use launch::Launch;
+use scene::SceneId;
 
 /// The default number of beats of a cue, which is used if the sender of the cue gives no number.
 pub const DEFAULT_BEATS: u32 = 8;
@@ -73,6 +76,9 @@ pub enum Cue {
     TempoMessage(TimestampedMessage),
     /// A command to the outputs (the senders of poses), such as a change of their common offset.
     Output(OutputCommand),
+    /// Recalls the scene with this number; `None` ends the scene that is on and drops the one that
+    /// waits.
+    Scene(Option<SceneId>),
 }
 
 /// A command to the dancers, such as to dance a label or to return to idle.
