@@ -52,7 +52,7 @@ pub(super) struct Findings {
 pub(super) fn examine(show: &Path) -> Result<Findings, Box<dyn Error>> {
     let name = shown(show);
     let text = read_text(show)?;
-    let (config, mut problems) = Config::read(&name, &text);
+    let (config, mut problems) = Config::load_all(show, &text);
     let mut notes = String::new();
     let config = config.map(|config| config.in_folder(folder_of(show)));
     if let Some(config) = &config {
@@ -123,19 +123,14 @@ fn check_avatars(name: &str, config: &Config, problems: &mut Vec<String>) {
     }
 }
 
-/// Adds a problem to `problems` if a graph that the show file `show` names cannot be used. Also
-/// adds one for each label that the show file names but no graph has.
+/// Adds a problem to `problems` if a graph that the show file `show` names cannot be used. Also adds one for each label that the show file names but no graph has.
 fn check_graph(show: &Path, config: &Config, problems: &mut Vec<String>) {
     let name = shown(show);
     match find_cast(None, Some(show), config) {
         Ok(cast) => {
             let mut missing = Vec::new();
             config.check_labels(cast.pads(), &mut missing);
-            problems.extend(
-                missing
-                    .into_iter()
-                    .map(|problem| format!("{name}: {problem}")),
-            );
+            problems.extend(missing.iter().map(|it| config.files.located(&name, it)));
         }
         // `Config::check` has already reported a dancer that follows an unknown one.
         Err(error) if matches!(error.downcast_ref(), Some(ShowError::NobodyToFollow { .. })) => {}

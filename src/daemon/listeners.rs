@@ -88,6 +88,7 @@ impl Listeners {
             &config.midi,
             MidiContext {
                 labels: about.labels.clone(),
+                scenes: about.scenes.clone(),
                 cues: cues.clone(),
                 faults: faults.clone(),
                 warnings: context.warnings.clone(),
