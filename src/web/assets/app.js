@@ -129,8 +129,8 @@ function hello(message) {
   pages = makePadPages($('find'), pads.elements);
   if (added.length) pages.reveal(added.at(-1));
   colours.groups([...new Set(about.labels.map((label) => partsOf(label)[0]))], about.dancers.map(({ name }) => name));
-  learn.labels(about.labels, message.takes, about.scenes);
-  scenes.names(about.scenes);
+  learn.labels(about.labels, message.takes, about.scenes ?? []);
+  scenes.names(about.scenes ?? []);
   showThumbs(pads.elements);
   $('source').replaceChildren(...about.sources.map((name) => new Option(name)));
   showCast();

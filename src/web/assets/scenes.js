@@ -24,7 +24,7 @@ export function makeScenes(section, send) {
 
     /** Shows which scene is on and which one waits. */
     state(message) {
-      end.disabled = message.scene === null && message.next_scene === null;
+      end.disabled = (message.scene ?? message.next_scene ?? null) === null;
       buttons.forEach((button, i) => {
         const state = message.scene === i ? 'on' : 'idle';
         const shown = message.next_scene === i ? 'queued' : state;

@@ -50,9 +50,15 @@ pub struct Settings {
     /// Source of the tempo; `None` if it stays as it is.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tempo_source: Option<TempoSource>,
+    /// Home of dancers by name: x and z in metres. The whole dance of a dancer glides there.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub home: BTreeMap<String, [f32; 2]>,
+    /// Radius of the stage of dancers by name, in metres.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub stage_m: BTreeMap<String, f32>,
     /// The beats on which the scene may begin.
     pub quantise: Quantise,
-    /// Number of beats in which intensity and offset reach their new values, 0 to
+    /// Number of beats in which intensity, offset, homes and stages reach their new values, 0 to
     /// [`FADE_BEATS_MAX`].
     pub fade_beats: f64,
 }
@@ -199,10 +205,14 @@ impl Settings {
                 ));
             }
         }
-        for name in self.dancers.iter().flat_map(Dancers::names) {
+        let named = self.dancers.iter().flat_map(Dancers::names);
+        let named = named.map(|name| ("dancers", name));
+        let homes = self.home.keys().map(|name| ("home", name.as_str()));
+        let stages = self.stage_m.keys().map(|name| ("stage_m", name.as_str()));
+        for (of, name) in named.chain(homes).chain(stages) {
             if !dancers.contains(&name) {
                 problems.push(format!(
-                    "{key}.dancers names {name:?}: there is {}{}",
+                    "{key}.{of} names {name:?}: there is {}{}",
                     dancers.join(", "),
                     did_you_mean(name, dancers.iter().copied())
                 ));
@@ -265,7 +275,7 @@ mod tests {
     #[test]
     fn every_key_is_read_and_written() {
         let text = "name = \"calm\"\nlabels = [\"salsa\"]\navoid = [\"pop\"]\nintensity = 0.25\ndancers = { echo = false }\n\
-                    offset_ms = 20.0\ntempo_source = \"link\"\nquantise = \"4bars\"\nfade_beats = 8\n";
+                    offset_ms = 20.0\nhome = { lead = [1.0, -2.0] }\nstage_m = { echo = 1.5 }\ntempo_source = \"link\"\nquantise = \"4bars\"\nfade_beats = 8\n";
         let calm = scene(text);
         assert_eq!(calm.intensity, Some(Intensity::Fixed(0.25)));
         let dancers = calm.dancers.clone().unwrap();

@@ -15,13 +15,12 @@
 //! | `dancer_state` | the committed dance of one dancer |
 //! | `similar_poses` | jumps to other motions, loops of danced steps |
 //! | `lead_change` | the change of a lead dancer to a new motion graph |
-//! | `inputs` | the music, the clock of its samples, and its tempo source |
+//! | `inputs` | the music, the clock of its samples, its tempo source, and commands to the outputs |
 //! | `dances` | a view of the dance between two ticks, for other threads |
 //! | `status`, `event` | reports for displays and for the log |
 //! | `script`, `recording` | dances that were planned in advance; recordings of shows |
 //! | `replan` | new planners for a running show |
 //! | `scene` | named states of the show, which cues recall |
-//! | `output_cues` | commands to the outputs |
 //! | `graph_swap` | a new motion graph for a dancer of a running show |
 
 pub mod cast;
@@ -36,7 +35,6 @@ pub mod graph_swap;
 pub mod inputs;
 mod lead_change;
 mod lead_dancer;
-mod output_cues;
 
 pub mod recording;
 pub mod replan;
@@ -377,6 +375,7 @@ impl Show {
             state
                 .dancer
                 .loose_pose_at(state.danced_at(&self.path, time), pose);
+            pose.root += state.glide;
         }
     }
 

@@ -10,9 +10,11 @@ use corybant_core::cue::launch::{Mode, Quantise};
 use corybant_core::cue::{Cue, DanceCommand, Launch, OutputCommand, scene};
 use corybant_core::dance;
 use corybant_core::graph::Attribute;
+use corybant_core::motion::Pose;
 use corybant_core::show::{Cast, Event, Settings, Status};
 use corybant_core::tempo::source::TempoSource;
 use corybant_core::time::Seconds;
+use glam::Vec3;
 use rig::{Rig, beats, embedded};
 
 const SCENES: [&str; 4] = [
@@ -265,6 +267,47 @@ fn a_panic_interrupts_a_scene_and_a_recall_ends_it() {
     rig.run_until(22.5, |_, _, _| {});
     let (held, all) = danced(&mut rig, 30.0, 0, |it| it == B);
     assert_eq!(held, all);
+}
+
+#[test]
+fn dancers_glide_to_their_homes_without_a_jump_and_stay_on_their_stages() {
+    let mut rig = rig();
+    let mut moved = scenes();
+    moved[1] = toml::from_str(
+        "name = \"solo\"\nhome = { lead = [4.0, -2.0], echo = [0.0, 3.0] }\nstage_m = { lead = 1.0 }\nfade_beats = 4",
+    )
+    .unwrap();
+    let names = ["lead", "echo", "other"];
+    let labels = &embedded().labels;
+    let new = corybant_core::show::scene::Scenes::new(&moved, labels, names.into_iter());
+    rig.show.set_scenes(&mut Arc::new(new));
+    rig.tick(&[recall(1)]);
+    let homes = [[4.0, -2.0], [0.0, 3.0], [0.0, 0.0]].map(|[x, z]| Vec3::new(x, 0.0, z));
+    let radii = [1.0, 3.0, 3.0];
+    let mut poses = [(); 3].map(|()| Pose::rest(embedded().skeleton.len()));
+    let mut before: Option<[Vec3; 3]> = None;
+    let mut fastest = 0.0_f32;
+    rig.run_until(60.0, |show, now, _| {
+        for (dancer, pose) in poses.iter_mut().enumerate() {
+            show.pose_at(dancer, now, pose);
+        }
+        let roots = [0, 1, 2].map(|dancer: usize| poses[dancer].root * Vec3::new(1.0, 0.0, 1.0));
+        if let Some(before) = before.replace(roots) {
+            let step = |dancer: usize| before[dancer].distance(roots[dancer]);
+            fastest = (0..3).map(step).fold(fastest, f32::max);
+        }
+        // 27 beats for 4.5 m, at 120 beats a minute.
+        if now.0 > 26.0 {
+            for dancer in 0..3 {
+                let out = roots[dancer].distance(homes[dancer]);
+                assert!(
+                    out <= radii[dancer],
+                    "dancer {dancer} is {out} m from home at {now:?}"
+                );
+            }
+        }
+    });
+    assert!(fastest * 120.0 < 4.0, "{} m/s", fastest * 120.0);
 }
 
 #[test]

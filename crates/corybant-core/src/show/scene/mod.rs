@@ -5,13 +5,17 @@
 //! |---|---|
 //! | `state` | the scene that is on and the one that waits |
 //! | `fade` | values that a scene changes slowly |
+//! | `places` | homes and stages of dancers |
 //! | `recall` | the effect of a scene on the show |
 
 mod fade;
+mod places;
 mod recall;
 pub(super) mod state;
 
 use crate::cue::find_label;
+use glam::Vec3;
+
 use crate::cue::launch::Quantise;
 use crate::cue::scene::{Dancers, Intensity, SCENES_MAX, SceneId, Settings};
 use crate::graph::LabelId;
@@ -30,6 +34,10 @@ pub(super) struct Scene {
     pub(super) intensity: Option<Intensity>,
     pub(super) offset: Option<Seconds>,
     pub(super) source: Option<TempoSource>,
+    /// For each dancer, its home in metres (y is 0); `None` if it stays as it is.
+    pub(super) home: Vec<Option<Vec3>>,
+    /// For each dancer, the radius of its stage in metres; `None` if it stays as it is.
+    pub(super) stage_m: Vec<Option<f32>>,
     pub(super) quantise: Quantise,
     pub(super) fade_beats: f64,
 }
@@ -72,6 +80,14 @@ impl Scenes {
             intensity: scene.intensity,
             offset: scene.offset_ms.map(|ms| Seconds(ms / 1000.0)),
             source: scene.tempo_source,
+            home: dancers
+                .clone()
+                .map(|name| scene.home.get(name).map(|&[x, z]| Vec3::new(x, 0.0, z)))
+                .collect(),
+            stage_m: dancers
+                .clone()
+                .map(|name| scene.stage_m.get(name).copied())
+                .collect(),
             quantise: scene.quantise,
             fade_beats: scene.fade_beats,
         };

@@ -35,6 +35,13 @@ impl Show {
             self.begin_scene();
         }
         self.fade();
+        let passed = self.scenes.passed;
+        let slots = &mut self.slots;
+        self.scenes
+            .places
+            .advance(passed, |dancer, (home, radius)| {
+                slots[dancer].state.set_place(home, radius);
+            });
     }
 
     /// Returns the tempo source that a scene has selected since the last call.
@@ -58,6 +65,11 @@ impl Show {
             return;
         };
         self.events.push(Event::Scene(id));
+        let scenes = self.scenes.all().clone();
+        if let Some(scene) = scenes.get(id) {
+            let place = |dancer: usize| self.slots[dancer].state.place();
+            self.scenes.places.begin(scene, place);
+        }
         for (number, DancerSlot { role, .. }) in self.slots.iter_mut().enumerate() {
             if let Role::Leads(lead) = role
                 && !self.scenes.dances(number, self.scenes.beat as i64)

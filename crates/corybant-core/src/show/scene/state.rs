@@ -13,6 +13,7 @@ use crate::tempo::source::TempoSource;
 use crate::time::{Bars, Seconds};
 
 use super::fade::Fade;
+use super::places::Places;
 use super::{Scene, Scenes};
 
 /// Number of bars for which each of several labels of a scene is danced before the next one.
@@ -45,11 +46,14 @@ pub(in crate::show) struct SceneState {
     bars: Bars,
     /// The beat position at the last tick.
     pub(super) beat: f64,
+    /// Number of beats from the last tick but one to the last tick.
+    pub(super) passed: f64,
     /// The intensity on its way, and the one at the end of the fade; `None` without a fade.
     pub(super) intensity: Option<(Fade, Intensity)>,
     /// The common offset of the outputs on its way, in seconds, and the one at the end of the fade;
     /// `None` without a fade.
     pub(super) offset: Option<(Fade, Seconds)>,
+    pub(super) places: Places,
     /// Tempo source that a scene has selected and the tempo does not follow yet.
     pub(super) source: Option<TempoSource>,
     /// True in the tick in which a scene has begun at once.
@@ -66,8 +70,10 @@ impl SceneState {
             dances: vec![true; dancers],
             bars: Bars { first: 0, beats: 4 },
             beat: 0.0,
+            passed: 0.0,
             intensity: None,
             offset: None,
+            places: Places::new(dancers),
             source: None,
             jumps: false,
         }
@@ -117,6 +123,7 @@ impl SceneState {
             .chain(offset)
             .for_each(|fade| fade.advance(passed));
         (self.beat, self.bars, self.jumps) = (beat, bars, false);
+        self.passed = passed.max(0.0);
         let Some(waiting) = &mut self.waiting else {
             return false;
         };
@@ -147,6 +154,11 @@ impl SceneState {
         self.source = scene.source.or(self.source);
         self.jumps = scene.quantise == Quantise::Now;
         Some(id)
+    }
+
+    /// Returns all scenes.
+    pub(super) fn all(&self) -> &Arc<Scenes> {
+        &self.scenes
     }
 
     /// Returns the number of the first beat on which the scene with the number `scene` may begin.

@@ -4,12 +4,12 @@
 use crate::cue::{Cue, OFFSET_MS_MAX, OutputCommand};
 use crate::time::Seconds;
 
-use super::Show;
+use crate::show::Show;
 
 impl Show {
     /// Applies the output commands in `cues`, which change the common offset and look-ahead of the
     /// outputs.
-    pub(super) fn apply_output_cues(&mut self, cues: &[Cue]) {
+    pub(in crate::show) fn apply_output_cues(&mut self, cues: &[Cue]) {
         for &cue in cues {
             match cue {
                 Cue::Output(command) => self.apply_to_outputs(command),
@@ -20,7 +20,7 @@ impl Show {
 
     /// Sets the target of the common offset or of the look-ahead of all outputs. A finite value is
     /// limited to the allowed range; a value that is not finite is ignored.
-    pub(super) fn apply_to_outputs(&mut self, command: OutputCommand) {
+    pub(in crate::show) fn apply_to_outputs(&mut self, command: OutputCommand) {
         let offset_s_max = OFFSET_MS_MAX / 1000.0;
         match command {
             OutputCommand::Offset(offset) if offset.0.is_finite() => {
