@@ -4,7 +4,7 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 
 use crate::audio::{file, input};
-use crate::config::{Config, ConfigError, lines};
+use crate::config::{Config, ConfigError};
 use crate::midi;
 use crate::web::avatar::Avatar;
 use corybant_core::show::ShowError;
@@ -52,7 +52,7 @@ pub(super) struct Findings {
 pub(super) fn examine(show: &Path) -> Result<Findings, Box<dyn Error>> {
     let name = shown(show);
     let text = read_text(show)?;
-    let (config, mut problems) = Config::read(&name, &text);
+    let (config, mut problems) = Config::load_all(show, &text);
     let mut notes = String::new();
     let config = config.map(|config| config.in_folder(folder_of(show)));
     if let Some(config) = &config {
@@ -71,7 +71,7 @@ pub(super) fn examine(show: &Path) -> Result<Findings, Box<dyn Error>> {
             .lines()
             .any(|line| line.trim_start().starts_with("[graph]"));
         if problems.is_empty() || !named || !config.graph.file.as_os_str().is_empty() {
-            check_graph(show, config, &text, &mut problems);
+            check_graph(show, config, &mut problems);
         }
     }
     Ok(Findings {
@@ -123,21 +123,14 @@ fn check_avatars(name: &str, config: &Config, problems: &mut Vec<String>) {
     }
 }
 
-/// Adds a problem to `problems` if a graph that the show file `show` names cannot be used. Also
-/// adds one for each label that the show file names but no graph has. `text` is the text of the show
-/// file.
-fn check_graph(show: &Path, config: &Config, text: &str, problems: &mut Vec<String>) {
+/// Adds a problem to `problems` if a graph that the show file `show` names cannot be used. Also adds one for each label that the show file names but no graph has.
+fn check_graph(show: &Path, config: &Config, problems: &mut Vec<String>) {
     let name = shown(show);
     match find_cast(None, Some(show), config) {
         Ok(cast) => {
             let mut missing = Vec::new();
             config.check_labels(cast.pads(), &mut missing);
-            problems.extend(missing.into_iter().map(|problem| {
-                match lines::line_of(text, &problem) {
-                    Some(line) => format!("{name}:{line}: {problem}"),
-                    None => format!("{name}: {problem}"),
-                }
-            }));
+            problems.extend(missing.iter().map(|it| config.files.located(&name, it)));
         }
         // `Config::check` has already reported a dancer that follows an unknown one.
         Err(error) if matches!(error.downcast_ref(), Some(ShowError::NobodyToFollow { .. })) => {}

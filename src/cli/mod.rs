@@ -10,6 +10,7 @@ mod demo;
 mod devices;
 mod doctor;
 mod import;
+mod init;
 mod inputs;
 mod inspect;
 mod man;
@@ -57,6 +58,8 @@ struct Cli {
 enum Command {
     /// Dance the built-in repertoire to the built-in track; needs no file, sound card or MIDI
     Demo(demo::DemoArgs),
+    /// Ask five questions and write a show file with comments
+    Init(init::InitArgs),
     /// Run a live show, for example `corybant run show.toml`
     Run(run::RunArgs),
     /// Build a motion graph from a folder or a ZIP of motion files (BVH, FBX, glTF, GLB, VRMA, VMD)
@@ -108,6 +111,7 @@ impl Command {
     fn run(&self) -> Outcome {
         match self {
             Self::Demo(args) => demo::demo(args),
+            Self::Init(args) => init::init(args),
             Self::Run(args) => run::run(args),
             Self::Build(args) => build::build(args),
             Self::Import(args) => import::import(args),

@@ -44,7 +44,7 @@ pub(super) fn rehearse(args: &RehearseArgs) -> Outcome {
     let config = args.song.config()?;
     check_outputs(args, &config)?;
     let cast = args.song.cast(&config)?;
-    let cue_list = read_cue_list(args.cues.as_deref(), cast.pads())?;
+    let cue_list = read_cue_list(args.cues.as_deref(), cast.cue_names())?;
     let beats = args.song.beat_times()?;
     let source = beats.as_ref().map_or(BeatSource::Audio, |beats| {
         BeatSource::Annotated(beats.times.clone())

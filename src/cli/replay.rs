@@ -192,7 +192,7 @@ fn recorded_cast(
     for (settings, danced) in config.dancer.iter().zip(&head.graphs) {
         dancers.push((settings.clone(), graphs.find(danced)?));
     }
-    Ok(Cast::new(dancers)?)
+    Ok(Cast::new(dancers)?.with_scenes(&config.scene))
 }
 
 /// Returns the graph of each change to another graph during the recorded show.
@@ -339,7 +339,11 @@ fn live<R: Read>(
         stop,
         |time, event| {
             if time.0 >= args.from {
-                info!("{:8.2} s  {}", time.0, event.describe(cast.pads(), &names));
+                info!(
+                    "{:8.2} s  {}",
+                    time.0,
+                    event.describe(cast.cue_names(), &names)
+                );
             }
         },
     );

@@ -18,6 +18,7 @@ use crate::daemon::{self, CueRecording, LedSong, Recorder, Recordings, Samples, 
 use crate::rt::warnings::Warnings;
 use corybant_core::beat::offline;
 use corybant_core::beat::tracker::{BeatSource, BeatTracker};
+use corybant_core::cue::CueNames;
 use corybant_core::cue::list::CueList;
 use corybant_core::cue::list::lead::SongBeats;
 use corybant_core::dsp::SAMPLE_RATE;
@@ -102,7 +103,7 @@ fn run_until(args: &RunArgs, stop: &Arc<AtomicBool>, setup: Option<&Arc<Setup>>)
     check_labels(args.show.as_deref(), &config, &cast)?;
     let recordings = recordings(args, &config, &cast)?;
     let (faults, warnings) = (Arc::new(Faults::default()), Warnings::default());
-    let (mut cue_list, beats) = led_list(args, &config, cast.pads())?;
+    let (mut cue_list, beats) = led_list(args, &config, cast.cue_names())?;
     let mut song = LedSong { beats, ltc: None };
     let samples = match config.audio.input.strip_prefix(FILE_PREFIX) {
         Some(path) => {
@@ -126,7 +127,7 @@ fn run_until(args: &RunArgs, stop: &Arc<AtomicBool>, setup: Option<&Arc<Setup>>)
         ),
     }
     if !config.timecode.is_on() {
-        cue_list = song_cue_list(args, &config, cast.pads(), &samples)?;
+        cue_list = song_cue_list(args, &config, cast.cue_names(), &samples)?;
     }
     let inputs = ShowInputs {
         samples,
@@ -183,20 +184,20 @@ pub(super) fn has_desktop() -> bool {
             .any(|name| std::env::var_os(name).is_some_and(|value| !value.is_empty()))
 }
 
-/// Reads the cue list of the option `--cues` for a show with the labels `pads`; without this
+/// Reads the cue list of the option `--cues` for a show with the labels and scenes in `names`; without this
 /// option, returns an empty list. If the input is a music file, finds its beats first; beat 0 of
 /// the cue list is then the first beat of the song. With live sound, the cue list counts the beats
 /// that the beat tracker finds during the show.
 fn song_cue_list(
     args: &RunArgs,
     config: &Config,
-    pads: &[String],
+    names: CueNames,
     samples: &Samples,
 ) -> Result<CueList, Box<dyn Error>> {
     let Some(path) = args.cues.as_deref() else {
         return Ok(CueList::default());
     };
-    let list = read_cue_list(Some(path), pads)?;
+    let list = read_cue_list(Some(path), names)?;
     let Samples::File(file) = samples else {
         return Ok(list);
     };
@@ -222,7 +223,7 @@ fn song_cue_list(
 fn led_list(
     args: &RunArgs,
     config: &Config,
-    pads: &[String],
+    names: CueNames,
 ) -> Result<(CueList, SongBeats), Box<dyn Error>> {
     let beats = args.beats.as_deref().map(read_beats).transpose()?;
     if !config.timecode.is_on() {
@@ -231,7 +232,7 @@ fn led_list(
             None => Ok(Default::default()),
         };
     }
-    let list = read_cue_list(args.cues.as_deref(), pads)?;
+    let list = read_cue_list(args.cues.as_deref(), names)?;
     let Some(beats) = beats else {
         let needs = if list.has_beats() {
             "the cue list has cues at beats (@)"

@@ -9,6 +9,7 @@
 //! | `[[midi]]`: any key, any number of controllers | new MIDI map, new ports |
 //! | `[graph] file`, `graph` of `[[dancer]]` | a new motion graph |
 //! | `[plan]`: any key | new planners |
+//! | `[[scene]]`: any key but `name`, the same scenes | new scenes |
 //! | `tempo.source`, `tempo.bpm`, `timecode.engage` | a tempo command, as from a performer |
 //! | `audio.input` | another input device; not from or to a music file |
 //! | `audio.channels`, `audio.input_latency_ms`, `osc.velocity_as_intensity`, `page.colours` | the new value |
@@ -21,8 +22,8 @@ use crate::audio::input::FILE_PREFIX;
 /// Which parts of a running show an edited show file may replace.
 #[derive(Clone, Copy, Debug)]
 pub struct Reach {
-    /// True if new planners may replace the current ones; false while the show is recorded for a
-    /// replay.
+    /// True if new planners and scenes may replace the current ones; false while the show is
+    /// recorded for a replay.
     pub plan: bool,
     /// True if the sound comes from an input device, which another one may replace.
     pub input: bool,
@@ -38,6 +39,8 @@ pub struct Reach {
 pub fn later(started: &Config, new: &Config, reach: Reach) -> Vec<String> {
     // `new`, but with the old values of all settings that the running show applies.
     let mut rest = Config {
+        // The settings of the files count, not how they are divided into files.
+        include: started.include.clone(),
         midi: started.midi.clone(),
         output: started.output.clone(),
         ..new.clone()
@@ -64,12 +67,28 @@ pub fn later(started: &Config, new: &Config, reach: Reach) -> Vec<String> {
     }
     if reach.plan {
         rest.plan.clone_from(&started.plan);
+        if has_same_scenes(started, new) {
+            rest.scene.clone_from(&started.scene);
+        }
     }
     let mut keys = Vec::new();
     if let (Ok(started), Ok(rest)) = (Value::try_from(started), Value::try_from(&rest)) {
         differ("", &started, &rest, &mut keys);
     }
     keys
+}
+
+/// Returns true if two shows have scenes with the same names in the same order, so that the scenes
+/// of one can replace those of the other.
+pub fn has_same_scenes(a: &Config, b: &Config) -> bool {
+    let names = |config: &'_ Config| -> Vec<String> {
+        config
+            .scene
+            .iter()
+            .map(|scene| scene.name.clone())
+            .collect()
+    };
+    names(a) == names(b)
 }
 
 /// Compares `a` and `b`, the old and the new value of the setting `key` (empty for the whole file).
@@ -172,6 +191,11 @@ mod tests {
         };
         let device = config("[audio]\ninput = \"jack\"");
         assert_eq!(later(&config(""), &device, of_a_file), ["audio.input"]);
+        let scene = |text: &str| format!("[[scene]]\nname = \"a\"\n{text}");
+        assert_eq!(later_of(&scene(""), &scene("fade_beats = 4")), [""; 0]);
+        assert_eq!(later_of("", &scene("")), ["scene"]);
+        let two = scene("[[scene]]\nname = \"b\"\n");
+        assert_eq!(later_of(&scene(""), &two), ["scene"]);
         assert_eq!(
             later_of("[[dancer]]\n", "[[dancer]]\n[[dancer]]\nname = \"b\"\n"),
             ["dancer"]

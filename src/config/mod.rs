@@ -3,7 +3,7 @@
 
 pub mod changes;
 pub mod graphs;
-pub mod lines;
+pub mod include;
 
 use std::path::{Path, PathBuf};
 
@@ -13,12 +13,15 @@ use thiserror::Error;
 use crate::osc::input::own_address::{is_received, local_addresses};
 use crate::osc::{input, motion_in, output};
 use crate::{audio, clock, dmx, midi, web};
+use corybant_core::cue::{CueNames, scene};
+use corybant_core::dance::{HOME_MAX, STAGE_RANGE};
 use corybant_core::tempo::source::TempoSource;
 use corybant_core::text::{did_you_mean, one_line_each};
 use corybant_core::time::Seconds;
 use corybant_core::timecode::settings::Source;
 use corybant_core::{dance, plan, show, tempo, timecode};
-use corybant_files::toml_diagnostics;
+use corybant_files::{shown, toml_diagnostics};
+use include::Files;
 
 /// The `[graph]` section: which motion graph the dancers use.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -36,6 +39,12 @@ pub struct Config {
     /// Path and text of the show file; `None` if the settings were not read from a file.
     #[serde(skip)]
     pub file: Option<(PathBuf, String)>,
+    /// The files from which the settings were read, for messages.
+    #[serde(skip)]
+    pub files: Files,
+    /// `include`: files whose tables come before those of this file, relative to its folder.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub include: Vec<PathBuf>,
     /// `[audio]`: the audio input device.
     pub audio: audio::input::Settings,
     /// `[tempo]`: the tempo source and the beat tracker.
@@ -52,6 +61,8 @@ pub struct Config {
     pub output: Vec<output::Settings>,
     /// `[[motion_in]]`: the inputs of live performers' poses.
     pub motion_in: Vec<motion_in::Settings>,
+    /// `[[scene]]`: named states of the show, which cues recall.
+    pub scene: Vec<scene::Settings>,
     /// `[osc]`: the input of OSC cues, and feedback to control surfaces.
     pub osc: input::Settings,
     /// `[[midi]]`: the MIDI controllers.
@@ -68,6 +79,8 @@ impl Default for Config {
     fn default() -> Self {
         Self {
             file: None,
+            files: Files::default(),
+            include: Vec::new(),
             audio: Default::default(),
             tempo: Default::default(),
             timecode: Default::default(),
@@ -76,6 +89,7 @@ impl Default for Config {
             dancer: vec![Default::default()],
             output: vec![Default::default()],
             motion_in: Vec::new(),
+            scene: Vec::new(),
             osc: Default::default(),
             midi: Vec::new(),
             dmx_in: Vec::new(),
@@ -113,21 +127,60 @@ impl Config {
     }
 
     /// Parses as much as possible of `text`, the text of a show file; `name` is the name of the
-    /// file in messages. Returns the settings, with default values for those that cannot be read,
-    /// and all problems. The settings are `None` if `text` is not valid TOML.
+    /// file in messages. Files that it includes are not read. Returns the settings, with default
+    /// values for those that cannot be read, and all problems. The settings are `None` if `text` is
+    /// not valid TOML.
     pub fn read(name: &str, text: &str) -> (Option<Self>, Vec<String>) {
         let (config, mut problems) = toml_diagnostics::read::<Self>(name, text);
-        let mut sentences = Vec::new();
-        if let Some(config) = &config {
-            config.check(&mut sentences);
-        }
-        problems.extend(sentences.into_iter().map(|sentence| {
-            match lines::line_of(text, &sentence) {
-                Some(line) => format!("{name}:{line}: {sentence}"),
-                None => format!("{name}: {sentence}"),
-            }
-        }));
+        let files = Files::single(name, text);
+        let config = config.map(|config| config.checked(name, files, &mut problems));
         (config, problems)
+    }
+
+    /// Reads and checks the show file at `path` with the text `text`, and the files that it includes.
+    ///
+    /// # Errors
+    /// [`ConfigError`] with every problem of all files.
+    pub fn load(path: &Path, text: &str) -> Result<Self, ConfigError> {
+        match Self::load_all(path, text) {
+            (Some(config), problems) if problems.is_empty() => Ok(config),
+            (_, problems) => Err(ConfigError { problems }),
+        }
+    }
+
+    /// Reads as much as possible of the show file at `path` with the text `text`, and of the files
+    /// that it includes. Returns the settings and all problems, as [`Config::read`] does. The
+    /// settings are `None`, too, if there are several files and one has a problem of its own.
+    pub fn load_all(path: &Path, text: &str) -> (Option<Self>, Vec<String>) {
+        let name = shown(path);
+        let (own, problems) = toml_diagnostics::read::<Self>(&name, text);
+        if own.is_none_or(|own| own.include.is_empty()) || !problems.is_empty() {
+            return Self::read(&name, text);
+        }
+        let include::Read {
+            table,
+            files,
+            mut problems,
+        } = include::read(path, text);
+        let Some(table) = table else {
+            return (None, problems);
+        };
+        match table.try_into::<Self>() {
+            Ok(config) => {
+                let config = config.checked(&name, files, &mut problems);
+                (Some(config), problems)
+            }
+            Err(error) => (None, vec![format!("{name}: {}", error.message())]),
+        }
+    }
+
+    /// Checks the settings, which `files` contain, and adds each problem with its file and line to
+    /// `problems`. `name` is the name of the show file.
+    fn checked(self, name: &str, files: Files, problems: &mut Vec<String>) -> Self {
+        let mut sentences = Vec::new();
+        self.check(&mut sentences);
+        problems.extend(sentences.iter().map(|it| files.located(name, it)));
+        Self { files, ..self }
     }
 
     /// Adds a sentence to `problems` for every value that is not allowed.
@@ -165,6 +218,7 @@ impl Config {
             }
         }
         self.check_motion_in(problems);
+        self.check_scenes(problems);
         self.osc.check("osc", problems);
         for (i, midi) in self.midi.iter().enumerate() {
             midi.check(&format!("midi {}", i + 1), problems);
@@ -274,12 +328,42 @@ impl Config {
         }
     }
 
+    /// Adds a sentence to `problems` for every value of `[[scene]]` that is not allowed.
+    fn check_scenes(&self, problems: &mut Vec<String>) {
+        scene::check(&self.scene, &self.dancer_names(), problems);
+        let sources = self.tempo.sources();
+        for (i, scene) in self.scene.iter().enumerate() {
+            let key = format!("scene {}", i + 1);
+            let homes = scene.home.iter();
+            for (name, home) in homes.filter(|(_, it)| !it.iter().all(|m| m.abs() <= HOME_MAX)) {
+                problems.push(format!(
+                    "{key}.home.{name} is {home:?}: two numbers of metres from -{HOME_MAX} to {HOME_MAX} are allowed"
+                ));
+            }
+            let (least, most) = STAGE_RANGE;
+            let stages = scene.stage_m.iter();
+            for (name, radius) in stages.filter(|(_, it)| !(least..=most).contains(*it)) {
+                problems.push(format!(
+                    "{key}.stage_m.{name} is {radius}: {least} to {most} metres are allowed"
+                ));
+            }
+            if let Some(source) = scene.tempo_source.filter(|&it| !sources.has(it)) {
+                problems.push(format!(
+                    "scene {}.tempo_source is \"{}\", which the show does not open: set it up in [tempo], such as link = \"follow\" or midi_clock",
+                    i + 1,
+                    source.name()
+                ));
+            }
+        }
+    }
+
+    fn dancer_names(&self) -> Vec<&str> {
+        let dancers = self.dancer.iter();
+        dancers.map(|dancer| dancer.name.as_str()).collect()
+    }
+
     fn dancers_named(&self) -> String {
-        self.dancer
-            .iter()
-            .map(|dancer| dancer.name.as_str())
-            .collect::<Vec<_>>()
-            .join(", ")
+        self.dancer_names().join(", ")
     }
 
     /// Returns the settings of the show itself, without its dancers: tempo, planning, and the
@@ -336,6 +420,7 @@ impl Config {
         };
         toml::to_string(&Self {
             tempo,
+            scene: self.scene.clone(),
             timecode,
             plan,
             dancer,
@@ -374,17 +459,25 @@ impl Config {
         Some((format!("output {number}"), &output.vrm))
     }
 
-    /// Adds a sentence to `problems` for every label that the show file names and that is not in
-    /// `labels`, the labels of the show's graphs.
+    /// Adds a sentence to `problems` for every label or scene that the show file names and that is
+    /// not in `labels` or not a scene of the file. `labels` are the labels of the show's graphs.
     pub fn check_labels(&self, labels: &[String], problems: &mut Vec<String>) {
+        let scenes: Vec<String> = self.scene.iter().map(|scene| scene.name.clone()).collect();
+        let names = CueNames {
+            labels,
+            scenes: &scenes,
+        };
         let entries = self.midi.iter().flat_map(|midi| &midi.map);
         problems.extend(
             entries
-                .filter_map(|entry| entry.action(labels).err())
+                .filter_map(|entry| entry.action(names).err())
                 .map(|error| error.to_string()),
         );
         for (number, input) in (1..).zip(&self.dmx_in) {
-            input.check_labels(&format!("dmx_in {number}"), labels, problems);
+            input.check_labels(&format!("dmx_in {number}"), names, problems);
+        }
+        for (number, scene) in (1..).zip(&self.scene) {
+            scene.check_labels(&format!("scene {number}"), labels, problems);
         }
         for (number, output) in (1..).zip(&self.output) {
             let known = |label: &str| {

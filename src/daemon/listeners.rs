@@ -19,6 +19,7 @@ use crate::rt::warnings::Warnings;
 use crate::web::calibration::LiveCalibration;
 use crate::web::vitals::Vitals;
 use crate::web::{self, About, AboutSender, Page, SetupRoutes, Snapshot, WebContext};
+use corybant_core::cue::CueNames;
 use corybant_core::fault::Faults;
 
 use super::DaemonError;
@@ -90,6 +91,7 @@ impl Listeners {
             &config.midi,
             MidiContext {
                 labels: about.labels.clone(),
+                scenes: about.scenes.clone(),
                 cues: cues.clone(),
                 faults: faults.clone(),
                 warnings: context.warnings.clone(),
@@ -99,12 +101,16 @@ impl Listeners {
                 raise_priority: || drop(priority::raise()),
             },
         )?;
+        let names = CueNames {
+            labels: &about.labels,
+            scenes: &about.scenes,
+        };
         let dmx_context = DmxContext {
             cues: cues.clone(),
             faults: faults.clone(),
             warnings: context.warnings.clone(),
         };
-        let (dmx, art_net) = DmxInputs::open(&config.dmx_in, &about.labels, &dmx_context)?;
+        let (dmx, art_net) = DmxInputs::open(&config.dmx_in, names, &dmx_context)?;
         let clocks = Clocks::open(config, cues, faults, art_net, watchers)?;
         let page_context = WebContext {
             cues: cues.clone(),

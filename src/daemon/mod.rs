@@ -435,9 +435,9 @@ fn log_end(summary: &ShowSummary, listeners: Listeners) {
 /// file.
 fn show_file(config: &Config) -> Option<Arc<ShowFile>> {
     let (path, text) = config.file.clone()?;
-    let name = corybant_files::shown(&path);
+    let own = path.clone();
     let check = move |text: &str| {
-        Config::parse(&name, text)
+        Config::load(&own, text)
             .map(drop)
             .map_err(|error| error.to_string())
     };

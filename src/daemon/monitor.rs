@@ -91,7 +91,7 @@ impl Monitor {
             let line = format!(
                 "{:8.2} s  {}",
                 time.0,
-                event.describe(&self.show_names.get().pads, &self.dancers)
+                event.describe(self.show_names.get().cue_names(), &self.dancers)
             );
             if event.is_warning() {
                 warn!("{line}")

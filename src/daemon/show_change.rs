@@ -1,11 +1,14 @@
-//! A change of a running show: new outputs, new planners, a new motion graph. In: a change that the show-file thread
+//! A change of a running show: new outputs, new planners, a new motion graph, new scenes. In: a change that the show-file thread
 //! built. Out: the changed show; the change then contains the replaced parts. Thread: show.
 //! Allocates: never.
+
+use std::sync::Arc;
 
 use corybant_core::show::Show;
 use corybant_core::show::graph_swap::{GraphSwap, SwapRefusal};
 use corybant_core::show::recording::{Danced, RecordingWriter};
 use corybant_core::show::replan::Replan;
+use corybant_core::show::scene::Scenes;
 use corybant_core::time::Seconds;
 
 use super::streams::{NewStreams, Streams};
@@ -20,6 +23,8 @@ pub(super) struct ShowChange {
     pub(super) replan: Option<Replan>,
     /// New motion graph of one dancer; `None` if the graphs stay as they are.
     pub(super) graph: Option<NewGraph>,
+    /// New scenes with the same names; `None` if the scenes stay as they are.
+    pub(super) scenes: Option<Arc<Scenes>>,
 }
 
 /// A new motion graph for one lead dancer and its followers.
@@ -54,6 +59,9 @@ impl ShowChange {
         }
         if let Some(replan) = &mut self.replan {
             parts.show.replan(replan);
+        }
+        if let Some(scenes) = &mut self.scenes {
+            parts.show.set_scenes(scenes);
         }
         if let Some(NewGraph { swap, danced }) = &mut self.graph {
             let is_swapped = parts.show.swap_graph(swap).is_ok();

@@ -25,6 +25,7 @@ use crate::clock::datagrams::Listening;
 use crate::rt::cue_queue::CueQueue;
 use crate::rt::warnings::Warnings;
 use crate::rt::worker::Worker;
+use corybant_core::cue::CueNames;
 use corybant_core::cue::dmx::PatchError;
 use corybant_core::fault::Faults;
 
@@ -76,20 +77,20 @@ pub(crate) struct DmxInputs {
 }
 
 impl DmxInputs {
-    /// Opens the inputs with these `settings`. `labels[i]` is the name of label `i` of the show. Also
+    /// Opens the inputs with these `settings`. `names` are the names of the labels and scenes of the show. Also
     /// returns the inputs of Art-Net, whose socket the caller opens.
     ///
     /// # Errors
     /// [`DmxError`] of the first input that cannot be opened.
     pub(crate) fn open(
         settings: &[Settings],
-        labels: &[String],
+        names: CueNames,
         context: &DmxContext,
     ) -> Result<(Self, Vec<Listening>), DmxError> {
         let mut inputs = Vec::new();
         for (number, settings) in (1..).zip(settings) {
             let key = format!("dmx_in {number}");
-            let universe = Universe::new(&key, settings, labels, context)?;
+            let universe = Universe::new(&key, settings, names, context)?;
             inputs.push((settings.clone(), SharedUniverse::new(universe)));
         }
         let workers = sacn::open(&inputs, &context.faults)?;

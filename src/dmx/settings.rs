@@ -6,6 +6,7 @@ use std::ops::RangeInclusive;
 
 use serde::{Deserialize, Serialize};
 
+use corybant_core::cue::CueNames;
 use corybant_core::cue::dmx::{PatchEntry, art_net, sacn};
 use corybant_core::timecode;
 
@@ -186,11 +187,11 @@ impl Settings {
         }
     }
 
-    /// Adds a sentence to `problems` for each label of the patch that is not in `labels`, the labels
-    /// of the show's graphs. `key` is the path of the settings in the show file.
-    pub fn check_labels(&self, key: &str, labels: &[String], problems: &mut Vec<String>) {
+    /// Adds a sentence to `problems` for each label of the patch that is not in `names`, the
+    /// labels and scenes of the show. `key` is the path of the settings in the show file.
+    pub fn check_labels(&self, key: &str, names: CueNames, problems: &mut Vec<String>) {
         for (number, entry) in (1..).zip(&self.patch) {
-            if let Err(error) = entry.actions(labels) {
+            if let Err(error) = entry.actions(names) {
                 problems.push(format!("{key}.patch {number} {error}"));
             }
         }

@@ -40,7 +40,8 @@ fn open(text: &str, timecode: Option<&str>) -> Opened {
     };
     context.cues.clock().start();
     let labels = ["salsa", "pop"].map(String::from);
-    let (inputs, mut listening) = DmxInputs::open(&show.dmx_in, &labels, &context).unwrap();
+    let (inputs, mut listening) =
+        DmxInputs::open(&show.dmx_in, (&labels).into(), &context).unwrap();
     if let Some(listen) = timecode {
         let (cues, faults) = (context.cues.clone(), context.faults.clone());
         listening.push(art_net::timecode(listen, cues, faults).unwrap());

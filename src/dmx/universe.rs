@@ -8,6 +8,7 @@ use std::time::Instant;
 use tracing::info;
 
 use super::{DmxContext, DmxError, Settings};
+use corybant_core::cue::CueNames;
 use corybant_core::cue::dmx::{DmxPatch, Frame, Merge, Received};
 use corybant_core::fault::Fault;
 use corybant_core::text::one_line;
@@ -77,10 +78,10 @@ impl Universe {
     pub(super) fn new(
         key: &str,
         settings: &Settings,
-        labels: &[String],
+        names: CueNames,
         context: &DmxContext,
     ) -> Result<Self, DmxError> {
-        let patch = DmxPatch::new(&settings.patch, labels);
+        let patch = DmxPatch::new(&settings.patch, names);
         let universe = Self {
             key: key.into(),
             places: settings.places(),

@@ -20,8 +20,9 @@ use crate::rt::waker::Waker;
 use crate::rt::worker::{StopSignal, Worker};
 use corybant_core::cue::control_text::ControlAction;
 use corybant_core::cue::midi::{Control, MapEntry};
+use corybant_core::cue::scene::SceneId;
 use corybant_core::cue::take::TakeRequest;
-use corybant_core::cue::{Cue, DanceCommand};
+use corybant_core::cue::{Cue, CueNames, DanceCommand};
 use corybant_core::graph::LabelId;
 use corybant_core::show::Show;
 use corybant_core::show::status::Lamp;
@@ -63,11 +64,12 @@ impl LedOutput {
     }
 }
 
-/// Function of a control, which its LED shows: launches a label, holds the motion, records takes of
+/// Function of a control, which its LED shows: launches a label, recalls a scene, holds the motion, records takes of
 /// a label, or sends another command.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Function {
     Label(LabelId),
+    Scene(SceneId),
     Hold,
     Take(String),
     Command,
@@ -92,6 +94,8 @@ struct ShowState {
     /// True in the first half of each beat of the music, false in the second half.
     on_beat: bool,
     held: bool,
+    /// The scene that is on, and the one that waits.
+    scenes: [Option<SceneId>; 2],
     /// State of each label (idle, armed or dancing), indexed by label number.
     labels: Vec<Lamp>,
 }
@@ -111,6 +115,11 @@ impl ShowState {
                     Lamp::Dancing => LedState::Dancing,
                 }
             }
+            Function::Scene(scene) => match self.scenes {
+                [on, _] if on == Some(*scene) => LedState::Dancing,
+                [_, next] if next == Some(*scene) => LedState::Armed,
+                _ => LedState::Idle,
+            },
             Function::Hold if self.held => LedState::Dancing,
             Function::Take(label) if *label == take.label => match take.phase {
                 TakePhase::CountIn => LedState::Armed,
@@ -142,14 +151,21 @@ impl LedPublisher {
         show.lamps(&mut new.labels);
         (new.time, new.held, new.on_beat) =
             (status.time, status.held, status.beat.rem_euclid(1.0) < 0.5);
-        let same = (&new.labels, new.held, new.on_beat)
-            == (&self.last.labels, self.last.held, self.last.on_beat);
+        new.scenes = [status.scene, status.next_scene];
+        let same = (&new.labels, new.held, new.on_beat, new.scenes)
+            == (
+                &self.last.labels,
+                self.last.held,
+                self.last.on_beat,
+                self.last.scenes,
+            );
         let arrivals = cues.iter().filter_map(|cue| cue.received);
         if same && arrivals.clone().next().is_none() {
             return;
         }
         self.last.labels.copy_from_slice(&new.labels);
         (self.last.held, self.last.on_beat) = (new.held, new.on_beat);
+        self.last.scenes = new.scenes;
         for arrival in arrivals {
             // A full queue drops its oldest cue.
             let _ = self.cues.force_push((status.time, arrival));
@@ -233,22 +249,23 @@ impl LedFeedback {
     }
 
     /// Replaces the LEDs of the controller with index `controller`: one LED for each button or key
-    /// in `map`. `leds` is the LED protocol of the controller, and `labels[i]` is the name of label
-    /// `i`.
+    /// in `map`. `leds` is the LED protocol of the controller, and `names` are the labels and
+    /// scenes of the show.
     pub(super) fn set_leds(
         &self,
         controller: usize,
         leds: LedProtocol,
         map: &[MapEntry],
-        labels: &[String],
+        names: CueNames,
     ) {
         let led = |entry: &MapEntry| {
             let control = entry.control()?;
-            let function = match entry.action(labels).ok()? {
+            let function = match entry.action(names).ok()? {
                 ControlAction::Button(Cue::Dance(DanceCommand::Launch(launch))) => {
                     Function::Label(launch.label)
                 }
                 ControlAction::Button(Cue::Dance(DanceCommand::Hold(_))) => Function::Hold,
+                ControlAction::Button(Cue::Scene(Some(scene))) => Function::Scene(scene),
                 ControlAction::Take(request) => match &*request {
                     TakeRequest::Toggle { label, .. } => Function::Take(label.clone()),
                     _ => Function::Command,

@@ -12,6 +12,7 @@ use crossbeam::queue::ArrayQueue;
 
 use super::CueQueue;
 use crate::rt::waker::Waker;
+use corybant_core::cue::CueNames;
 use corybant_core::cue::midi::{ControlChange, MapEntry, MapError, MidiMap, MidiRequest, message};
 use corybant_core::cue::take::TakeRequest;
 use corybant_core::fault::{Fault, Faults};
@@ -120,14 +121,14 @@ pub struct MidiMapper {
 }
 
 impl MidiMapper {
-    /// Creates a mapper with the map entries `map`. `labels[i]` is the name of label `i` of the
-    /// show. Cues go to `queue`.
+    /// Creates a mapper with the map entries `map`. `names` are the labels and scenes of the show.
+    /// Cues go to `queue`.
     ///
     /// # Errors
     /// `MapError` if an entry of the map is invalid.
-    pub fn new(
+    pub fn new<'a>(
         map: &[MapEntry],
-        labels: &[String],
+        names: impl Into<CueNames<'a>>,
         queue: CueQueue,
         faults: Arc<Faults>,
     ) -> Result<Self, MapError> {
@@ -136,7 +137,7 @@ impl MidiMapper {
             old: ArrayQueue::new(4),
         });
         Ok(Self {
-            map: MidiMap::new(map, labels)?,
+            map: MidiMap::new(map, names)?,
             swap,
             queue,
             faults,

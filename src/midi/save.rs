@@ -52,6 +52,15 @@ pub fn with(text: &str, settings: &Settings, entry: &MapEntry) -> Result<String,
     Ok(document.to_string())
 }
 
+/// Returns true if the show file `text` has the section of the controller with `settings`.
+pub fn has_controller(text: &str, settings: &Settings) -> bool {
+    let document = text.parse::<DocumentMut>();
+    document.is_ok_and(|document| {
+        let controllers = document.get("midi").and_then(Item::as_array_of_tables);
+        controllers.is_some_and(|all| all.iter().any(|table| is_controller(table, settings)))
+    })
+}
+
 /// Creates the TOML table of the map entry `entry`; the key of the control comes first.
 fn new_entry(entry: &MapEntry) -> Table {
     let mut table = Table::new();

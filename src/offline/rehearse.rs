@@ -5,8 +5,8 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use corybant_core::cue::Cue;
 use corybant_core::cue::list::CueList;
+use corybant_core::cue::{Cue, CueNames};
 use corybant_core::dsp::SAMPLE_RATE;
 use corybant_core::fault::{Fault, Faults};
 use corybant_core::motion::MOTION_FPS;
@@ -86,7 +86,7 @@ impl Rehearsal<'_> {
             bounds: SharedBounds::default(),
             tick: 0,
             tick_count: span.count as u64 * (u64::from(TICK_HZ) / MOTION_FPS as u64),
-            pads: outputs.cast.pads(),
+            cue_names: outputs.cast.cue_names(),
             names: outputs.cast.names().map(String::from).collect(),
             events: Vec::new(),
             observe,
@@ -125,7 +125,7 @@ struct MusicSource<'a> {
     bounds: SharedBounds,
     tick: u64,
     tick_count: u64,
-    pads: &'a [String],
+    cue_names: CueNames<'a>,
     names: Vec<String>,
     events: Vec<String>,
     observe: &'a mut dyn FnMut(&Show, Seconds),
@@ -169,7 +169,7 @@ impl TickSource for MusicSource<'_> {
             self.events.push(format!(
                 "{:8.3} s  {}",
                 now.0,
-                event.describe(self.pads, &self.names)
+                event.describe(self.cue_names, &self.names)
             ));
         }
         self.tick += 1;

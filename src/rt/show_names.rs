@@ -1,4 +1,4 @@
-//! The names of the pads and clips of a running show. In: the names at the start, and after each
+//! The names of the pads, clips and scenes of a running show. In: the names at the start, and after each
 //! change of a motion graph. Out: the same names on other threads. Thread: show-file writes,
 //! listeners and main read; the show thread uses numbers. Allocates.
 //!
@@ -6,29 +6,41 @@
 
 use std::sync::{Arc, PoisonError, RwLock};
 
+use corybant_core::cue::CueNames;
 use corybant_core::show::Cast;
 
 /// Number of pads that new motion graphs can add to a running show. Buffers for the states of pads
 /// are created with this much room.
 pub const PADS_ADDED_MAX: usize = 256;
 
-/// The names of the pads and clips of a show at one time.
+/// The names of the pads, clips and scenes of a show at one time.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Names {
     /// Name of each pad (button that sends a cue), indexed by pad number.
     pub pads: Vec<String>,
     /// Name of each clip in the graph of the first dancer.
     pub clips: Vec<String>,
+    /// Name of each scene, indexed by scene number. It does not change during a show.
+    pub scenes: Vec<String>,
 }
 
 impl Names {
-    /// Returns the names of the pads of `cast`, and of the clips of its first dancer.
+    /// Returns the names that cues use.
+    pub fn cue_names(&self) -> CueNames<'_> {
+        CueNames {
+            labels: &self.pads,
+            scenes: &self.scenes,
+        }
+    }
+
+    /// Returns the names of the pads and scenes of `cast`, and of the clips of its first dancer.
     pub fn of(cast: &Cast) -> Self {
         let clips = cast.members.first().map(|lead| lead.graph.clips.iter());
         let clips = clips.into_iter().flatten();
         Self {
             pads: cast.pads().to_vec(),
             clips: clips.map(|clip| clip.name.clone()).collect(),
+            scenes: cast.scenes().names().to_vec(),
         }
     }
 }
@@ -76,7 +88,12 @@ impl NamesReader {
     /// Creates a reader of names that never change.
     pub fn fixed(pads: &[String], clips: &[String]) -> Self {
         let (pads, clips) = (pads.to_vec(), clips.to_vec());
-        ShowNames::new(Names { pads, clips }).reader()
+        let names = Names {
+            pads,
+            clips,
+            ..Names::default()
+        };
+        ShowNames::new(names).reader()
     }
 
     /// Takes the current names. Returns true if they have changed since the last call.
@@ -105,7 +122,7 @@ mod tests {
         let pads = vec!["salsa".to_owned()];
         names.set(Names {
             pads: pads.clone(),
-            clips: Vec::new(),
+            ..Names::default()
         });
         assert!(reader.seen().pads.is_empty());
         assert!(reader.update());

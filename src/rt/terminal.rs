@@ -21,6 +21,16 @@ pub fn print(text: &str) -> io::Result<()> {
     io::stdout().lock().write_all(lines(text).as_bytes())
 }
 
+/// Prints `text`, after which the user writes on the same line. Control characters are escaped.
+///
+/// # Errors
+/// Standard output cannot be written.
+pub fn prompt(text: &str) -> io::Result<()> {
+    let mut out = io::stdout().lock();
+    out.write_all(one_line(text).as_bytes())?;
+    out.flush()
+}
+
 /// Sets `stop` to true when standard input closes, which a thread of its own waits for.
 pub fn set_on_closed_input(stop: &Arc<AtomicBool>) {
     let stop = stop.clone();

@@ -178,6 +178,12 @@ fn dancing(view: &ShowView, state: &State) -> Line<'static> {
     if state.held {
         spans.push("  held".yellow());
     }
+    if let Some(scene) = state.scene {
+        spans.push(format!("  scene {}", name(&view.hello.scenes, scene)).green());
+    }
+    if let Some(scene) = state.next_scene {
+        spans.push(format!("  scene {} waits", name(&view.hello.scenes, scene)).yellow());
+    }
     Line::from(spans)
 }
 

@@ -42,6 +42,8 @@ pub struct Hello {
     pub labels: Vec<String>,
     /// Name of each clip, indexed by clip number.
     pub clips: Vec<String>,
+    /// Name of each scene, indexed by scene number.
+    pub scenes: Vec<String>,
     /// Names of the tempo sources that the user can choose.
     pub sources: Vec<String>,
 }
@@ -107,6 +109,10 @@ pub struct State {
     /// All waiting and running cues: for each, the index of its label, true if the cue is danced
     /// now, and the number of beats until its end (or its requested length if the end is unknown).
     pub queue: Vec<(usize, bool, u32)>,
+    /// Index, in `Hello::scenes`, of the scene that is on; `None` if none is on.
+    pub scene: Option<usize>,
+    /// Index, in `Hello::scenes`, of the scene that waits for its beat; `None` if none waits.
+    pub next_scene: Option<usize>,
     /// Number of occurrences of each fault, by the name of the fault.
     pub faults: std::collections::BTreeMap<String, u64>,
 }

@@ -17,6 +17,7 @@ use super::body::Body;
 use super::client_message::ClientMessages;
 use super::thumbs;
 use crate::rt::show_names::Names;
+use corybant_core::cue::CueNames;
 use corybant_core::motion::Skeleton;
 use corybant_core::show::cast::Cast;
 use corybant_core::tempo::settings::Settings;
@@ -35,6 +36,8 @@ pub struct About {
     pub labels: Vec<String>,
     /// Name of each clip of the first dancer, indexed by clip number.
     pub clips: Vec<String>,
+    /// Name of each scene, indexed by scene number.
+    pub scenes: Vec<String>,
     /// Tempo sources that a client of the page can select.
     pub sources: Sources,
     /// Thumbnails of the labels as JSON; see [`thumbs`](super::thumbs::thumbs).
@@ -76,11 +79,15 @@ impl Served {
         Self {
             hello: about.to_json().into(),
             thumbs: about.thumbs.to_string().into(),
-            messages: ClientMessages::new(&about.labels),
+            messages: ClientMessages::of(CueNames {
+                labels: &about.labels,
+                scenes: &about.scenes,
+            }),
             names: Arc::new(ApiNames {
                 dancers: about.dancers.iter().map(|it| it.name.clone()).collect(),
                 labels: about.labels.clone(),
                 clips: about.clips.clone(),
+                scenes: about.scenes.clone(),
                 sources: about.sources.iter().map(TempoSource::name).collect(),
             }),
         }
@@ -135,6 +142,7 @@ struct Hello<'a> {
     dancers: Vec<HelloDancer<'a>>,
     labels: &'a [String],
     clips: &'a [String],
+    scenes: &'a [String],
     sources: Vec<&'static str>,
     setup: bool,
     takes: bool,
@@ -170,10 +178,15 @@ impl About {
         about
     }
 
-    /// Takes the labels, the clips and the thumbnails of the graphs in `cast`.
+    /// Takes the labels, the clips and the thumbnails of the graphs in `cast`, and the names of its
+    /// scenes.
     pub fn set_graphs(&mut self, cast: &Cast) {
-        let Names { pads, clips } = Names::of(cast);
-        (self.labels, self.clips) = (pads, clips);
+        let Names {
+            pads,
+            clips,
+            scenes,
+        } = Names::of(cast);
+        (self.labels, self.clips, self.scenes) = (pads, clips, scenes);
         self.thumbs = thumbs::thumbs(cast);
     }
 
@@ -188,7 +201,7 @@ impl About {
     /// `{"type":"hello","dancers":[{"name":name,"home":[x,z],"avatar":path|null,"joints":[name,…],
     /// "parents":[index|null,…],"offsets":[[x,y,z],…],"ends":[[[x,y,z],…],…],
     /// "bones":[[name,joint,[x,y,z,w]],…]},…],"labels":[name,…],"clips":[name,…],
-    /// "sources":["audio",…],"setup":false,"takes":false}`.
+    /// "scenes":[name,…],"sources":["audio",…],"setup":false,"takes":false}`.
     /// Lengths are in metres. `avatar` is the path of a VRM file on this server. `body.rs` describes
     /// the rest of a dancer.
     pub fn to_json(&self) -> String {
@@ -205,6 +218,7 @@ impl About {
                 .collect(),
             labels: &self.labels,
             clips: &self.clips,
+            scenes: &self.scenes,
             sources: self.sources.iter().map(TempoSource::name).collect(),
             setup: self.has_setup,
             takes: self.has_takes,

@@ -48,6 +48,7 @@ pub const ASSETS: &[Asset] = assets! {
     "/warnings.js", SCRIPT, "warnings.js";
     "/learn.js", SCRIPT, "learn.js";
     "/record.js", SCRIPT, "record.js";
+    "/scenes.js", SCRIPT, "scenes.js";
     "/setup.js", SCRIPT, "setup.js";
     "/thumbs.js", SCRIPT, "thumbs.js";
     "/upload.js", SCRIPT, "upload.js";

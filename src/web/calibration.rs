@@ -12,6 +12,7 @@ use crate::audio::channels::Channels;
 use crate::audio::input::diagnosis::InputSound;
 use crate::rt::atomic_ms::AtomicMs;
 use corybant_files::show_file::{ShowFile, put};
+use corybant_files::toml_place::tables;
 
 /// A change of the calibration that a client requests.
 #[derive(Clone, Debug, PartialEq)]
@@ -157,7 +158,7 @@ impl LiveCalibration {
                 offset.set_ms(ms.into());
                 return Ok(true);
             }
-            Setting::Keep => self.show_file()?.change(|text| self.write_into(text))?,
+            Setting::Keep => self.keep(self.show_file()?)?,
             Setting::Colour { group, colour } => {
                 self.colours.set(group.clone(), colour.clone());
                 self.show_file()?
@@ -179,37 +180,66 @@ impl LiveCalibration {
         })
     }
 
+    /// Writes the current calibration into the show file, and the offsets of outputs into the files
+    /// that have the outputs.
+    fn keep(&self, file: &ShowFile) -> Result<(), String> {
+        let mut first = 0;
+        for path in file.included() {
+            file.change_included(&path, |text| {
+                let count = tables(text, "output");
+                let mut document: DocumentMut = parse(text)?;
+                let offsets = self.offsets();
+                let last = (first + count).min(offsets.len());
+                if count > 0 {
+                    write_offsets(document.as_table_mut(), &offsets[first.min(last)..last])?;
+                }
+                first += count;
+                Ok::<_, String>(document.to_string())
+            })?;
+        }
+        file.change(|text| self.write_into(text, first))
+    }
+
     /// Returns `text`, the text of a show file, with the current calibration written into it.
-    /// Everything else in the text stays the same.
-    fn write_into(&self, text: &str) -> Result<String, String> {
-        let mut document: DocumentMut = text
-            .parse()
-            .map_err(|error| format!("the text cannot be parsed: {error}"))?;
+    /// Everything else in the text stays the same. The first `first` outputs are in included files.
+    fn write_into(&self, text: &str, first: usize) -> Result<String, String> {
+        let mut document = parse(text)?;
         let root = document.as_table_mut();
         if let Some(input) = &self.input {
             input.write_into(root)?;
         }
         let offsets = self.offsets();
-        if offsets.iter().all(|offset| offset.ms() == 0.0) && root.get("output").is_none() {
-            return Ok(document.to_string());
-        }
-        let outputs = root
-            .get_mut("output")
-            .and_then(Item::as_array_of_tables_mut)
-            .filter(|tables| tables.len() == offsets.len());
-        let outputs: &mut ArrayOfTables = outputs.ok_or_else(|| {
-            format!(
-                "a section [[output]] is needed for each of the {} outputs, to store their offsets",
-                offsets.len()
-            )
-        })?;
-        for (table, offset) in outputs.iter_mut().zip(offsets.iter()) {
-            if offset.ms() != 0.0 || table.contains_key("offset_ms") {
-                put(table, "offset_ms", offset.ms().round() as i64);
-            }
-        }
+        write_offsets(root, offsets.get(first..).unwrap_or_default())?;
         Ok(document.to_string())
     }
+}
+
+fn parse(text: &str) -> Result<DocumentMut, String> {
+    text.parse()
+        .map_err(|error| format!("the text cannot be parsed: {error}"))
+}
+
+/// Writes `offsets` into the tables `[[output]]` of `root`, a parsed show file.
+fn write_offsets(root: &mut Table, offsets: &[AtomicMs]) -> Result<(), String> {
+    if offsets.iter().all(|offset| offset.ms() == 0.0) && root.get("output").is_none() {
+        return Ok(());
+    }
+    let outputs = root
+        .get_mut("output")
+        .and_then(Item::as_array_of_tables_mut)
+        .filter(|tables| tables.len() == offsets.len());
+    let outputs: &mut ArrayOfTables = outputs.ok_or_else(|| {
+        format!(
+            "a section [[output]] is needed for each of the {} outputs, to store their offsets",
+            offsets.len()
+        )
+    })?;
+    for (table, offset) in outputs.iter_mut().zip(offsets) {
+        if offset.ms() != 0.0 || table.contains_key("offset_ms") {
+            put(table, "offset_ms", offset.ms().round() as i64);
+        }
+    }
+    Ok(())
 }
 
 impl InputCalibration {
@@ -268,7 +298,9 @@ mod tests {
     fn only_changed_settings_change_in_the_text() {
         let before = "# My show.\n[audio] # the room\ninput_latency_ms = 29 # ten metres\n\n[[output]]\nkind = 'vmc'\noffset_ms=10 # beamer\n\n[[output]]\nkind = 'plain' # wall\n";
         assert_eq!(
-            calibration(29.0, &[10.0, 0.0]).write_into(before).unwrap(),
+            calibration(29.0, &[10.0, 0.0])
+                .write_into(before, 0)
+                .unwrap(),
             before
         );
         let expected = before
@@ -277,41 +309,63 @@ mod tests {
             .replace("# wall\n", "# wall\noffset_ms = 80\n");
         assert_eq!(
             calibration(12.5, &[-20.0, 80.0])
-                .write_into(before)
+                .write_into(before, 0)
                 .unwrap(),
             expected
         );
         assert_eq!(
-            calibration(0.0, &[0.0]).write_into("# nothing\n").unwrap(),
+            calibration(0.0, &[0.0])
+                .write_into("# nothing\n", 0)
+                .unwrap(),
             "# nothing\n"
         );
         let third = calibration(0.0, &[0.0]);
         third.apply(Setting::Channels(vec![3])).unwrap();
         assert!(
             third
-                .write_into("# nothing\n")
+                .write_into("# nothing\n", 0)
                 .unwrap()
                 .contains("[audio]\nchannels = [3]\n")
         );
         third.apply(Setting::Channels(vec![])).unwrap();
         assert_eq!(
             third
-                .write_into("[audio]\nchannels = [ 3 ] # desk\n")
+                .write_into("[audio]\nchannels = [ 3 ] # desk\n", 0)
                 .unwrap(),
             "[audio]\nchannels = [] # desk\n"
         );
         assert!(
             calibration(7.0, &[0.0])
-                .write_into("# nothing\n")
+                .write_into("# nothing\n", 0)
                 .unwrap()
                 .contains("[audio]\ninput_latency_ms = 7.0\n")
         );
     }
 
     #[test]
+    fn offsets_go_to_the_files_that_have_the_outputs() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::write(at("a.toml"), "[[output]]\n[[output]]\nkind = \"plain\"\n").unwrap();
+        std::fs::write(at("show.toml"), "include = [\"a.toml\"]\n[[output]]\n").unwrap();
+        let file = ShowFile::new(at("show.toml"), Box::new(|_| Ok(())));
+        file.set_included(vec![at("a.toml")]);
+        let calibration = calibration(20.0, &[10.0, 0.0, -30.0]);
+        calibration.keep(&file).unwrap();
+        let text = |name: &str| std::fs::read_to_string(at(name)).unwrap();
+        assert_eq!(
+            text("a.toml"),
+            "[[output]]\noffset_ms = 10\n[[output]]\nkind = \"plain\"\n"
+        );
+        let main = text("show.toml");
+        assert!(main.contains("[[output]]\noffset_ms = -30\n"), "{main}");
+        assert!(main.contains("input_latency_ms = 20"), "{main}");
+    }
+
+    #[test]
     fn settings_without_a_place_in_the_file_are_refused() {
         let refused =
-            |calibration: LiveCalibration, text: &str| calibration.write_into(text).unwrap_err();
+            |calibration: LiveCalibration, text: &str| calibration.write_into(text, 0).unwrap_err();
         assert!(
             refused(calibration(0.0, &[5.0]), "")
                 .contains("a section [[output]] is needed for each of the 1 outputs")

@@ -57,7 +57,7 @@ impl Snapshot {
     /// "next_section":[name,first beat,confidence]|null,"phrase":[place from 0,beats],"intensity":0..1|null,"db":dBFS,"peak":0..1,
     /// "clipped":bool,"hum":Hz|0,"music":bool,"held":bool,"panicked":bool,"clip":index,
     /// "label":index|null,"idle":bool,"next":clip index,"ahead":[label|null|-1 for idle, one per
-    /// beat],"queue":[[label,dancing,beats_left],…],"poses":[{"root":[x,y,z],"rot":[x,y,z,w of joint
+    /// beat],"queue":[[label,dancing,beats_left],…],"scene":index|null,"next_scene":index|null,"poses":[{"root":[x,y,z],"rot":[x,y,z,w of joint
     /// 0, of joint 1, …]}, …],"faults":{"name":count,…}}`. `poses` are in the order of the dancers in
     /// the message `hello`. A position `root` is in stage space, in metres; a rotation in `rot` is
     /// relative to the parent joint. `faults` has only faults that have occurred. A number that is
@@ -101,6 +101,8 @@ impl Snapshot {
                 Attribute::Idle => Some(-1),
             }),
             queue: Queue(status),
+            scene: status.scene,
+            next_scene: status.next_scene,
             poses: self.poses.iter().map(SentPose::new).collect(),
             faults: Counts(faults),
         };
@@ -156,6 +158,8 @@ struct Message<'a> {
     next: u32,
     ahead: [Option<i32>; AHEAD],
     queue: Queue<'a>,
+    scene: Option<u16>,
+    next_scene: Option<u16>,
     poses: Vec<SentPose<'a>>,
     faults: Counts<'a>,
 }

@@ -13,6 +13,7 @@ mod doctor;
 mod examples;
 mod film;
 mod film_views;
+mod init;
 mod overwrite;
 mod packages;
 mod record;

@@ -59,7 +59,7 @@ fn find(samples: &[f32], times: &[f64]) -> Vec<Found> {
 /// Returns the F measure of the starts `found` of sections, given the `marked` ones.
 fn f_measure(found: &[f64], marked: &[f64]) -> (usize, usize, usize) {
     let mut free = found.to_vec();
-    let is_hit = |&mark: &f64| {
+    let mut is_hit = |&mark: &f64| {
         let near = free
             .iter()
             .position(|beat| (beat - mark).abs() <= NEAR_BEATS);
@@ -74,7 +74,7 @@ fn f_measure(found: &[f64], marked: &[f64]) -> (usize, usize, usize) {
 
 #[test]
 fn the_demo_track_has_its_sections() {
-    let track = track::track();
+    let track = track::render();
     let (length, count) = (track.duration().0, 3);
     let samples = track.samples.repeat(count);
     let rounds = (0..count).map(|round| round as f64 * length);

@@ -11,6 +11,7 @@ mod companion;
 mod demo;
 mod graph_swap;
 mod idle_connections;
+mod include;
 mod jack;
 mod learn;
 mod live;
@@ -23,6 +24,7 @@ mod page;
 mod pipewire;
 mod reload;
 mod replay;
+mod scenes;
 mod service;
 mod stall;
 #[cfg(all(target_os = "linux", feature = "pipewire"))]

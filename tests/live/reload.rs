@@ -62,7 +62,7 @@ impl Page {
 
     /// Waits for a warning about the show file that contains `words`. If `words` is empty, waits
     /// until there is no warning about the show file.
-    fn warns(&mut self, words: &str) {
+    pub fn warns(&mut self, words: &str) {
         self.next("warnings", |message| {
             let of_file = |warning: &&Value| warning.as_str().unwrap().starts_with("show file: ");
             let warning = message["warnings"]

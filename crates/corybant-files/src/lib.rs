@@ -18,6 +18,7 @@ mod replace;
 pub mod show_file;
 mod text;
 pub mod toml_diagnostics;
+pub mod toml_place;
 
 pub use places::{PlaceError, Places};
 pub use text::{TextError, text};

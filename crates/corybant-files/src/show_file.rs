@@ -85,6 +85,8 @@ struct Texts {
     /// The text that this program wrote last. `None` if it wrote nothing yet, or after
     /// `ShowFile::wrote` has returned true for this text.
     written: Option<String>,
+    /// The files that the show file includes, in the order in which they are read.
+    included: Vec<PathBuf>,
 }
 
 impl ShowFile {
@@ -125,6 +127,53 @@ impl ShowFile {
         self.texts().written.take_if(|own| own == text).is_some()
     }
 
+    /// Takes `files` as the files that the show file includes, in the order in which they are read.
+    pub fn set_included(&self, files: Vec<PathBuf>) {
+        self.texts().included = files;
+    }
+
+    /// Returns the files that the show file includes.
+    pub fn included(&self) -> Vec<PathBuf> {
+        self.texts().included.clone()
+    }
+
+    /// Changes the show file as [`ShowFile::change`] does, or else the first included file for whose
+    /// text `holds` returns true, if it returns false for the text of the show file.
+    ///
+    /// # Errors
+    /// A sentence with the reason, as of [`ShowFile::change`].
+    pub fn change_where<E: std::fmt::Display>(
+        &self,
+        holds: impl Fn(&str) -> bool,
+        change: impl FnOnce(&str) -> Result<String, E>,
+    ) -> Result<(), String> {
+        let is_in = |path: &Path| read_text(path).is_ok_and(|text| holds(&text));
+        let included = self.included();
+        match included.iter().find(|path| is_in(path)) {
+            Some(path) if !is_in(&self.path) => self.change_included(path, change),
+            _ => self.change(change),
+        }
+    }
+
+    /// Reads the included file at `path`, passes its text to `change` and writes the text that
+    /// `change` returns.
+    ///
+    /// # Errors
+    /// A sentence with the reason: the file cannot be read or written, or `change` fails.
+    pub fn change_included<E: std::fmt::Display>(
+        &self,
+        path: &Path,
+        change: impl FnOnce(&str) -> Result<String, E>,
+    ) -> Result<(), String> {
+        let _texts = self.texts();
+        let text = read_text(path)?;
+        let new = change(&text).map_err(|error| format!("{}: {error}", shown(path)))?;
+        if new == text {
+            return Ok(());
+        }
+        crate::write(path, new.as_bytes()).map_err(|error| error.to_string())
+    }
+
     /// Reads the show file, passes its text to `change` and writes the text that `change` returns.
     ///
     /// # Errors
@@ -136,9 +185,7 @@ impl ShowFile {
     ) -> Result<(), String> {
         let mut texts = self.texts();
         let path = &self.path;
-        let bytes = crate::read(path, MIB_MAX).map_err(|error| error.to_string())?;
-        let text =
-            crate::text(bytes).map_err(|error| format!("cannot read {}: {error}", shown(path)))?;
+        let text = read_text(path)?;
         if let Some(flaw) = Flaw::of(&text, &texts.good) {
             return Err(format!(
                 "nothing is saved in {}: {flaw}; save the whole show file first",
@@ -155,6 +202,12 @@ impl ShowFile {
         texts.good = new;
         Ok(())
     }
+}
+
+/// Returns the text of the file at `path`. The error is a sentence.
+fn read_text(path: &Path) -> Result<String, String> {
+    let bytes = crate::read(path, MIB_MAX).map_err(|error| error.to_string())?;
+    crate::text(bytes).map_err(|error| format!("cannot read {}: {error}", shown(path)))
 }
 
 /// Sets the key `key` of the TOML table `table` to `new`. A value that already equals `new` keeps
@@ -216,6 +269,30 @@ mod tests {
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "a = 2\n");
         assert!(!file.wrote("a = 1\n") && file.wrote("a = 2\n") && !file.wrote("a = 2\n"));
     }
+    #[test]
+    fn a_change_goes_to_the_file_that_holds_the_table() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::write(at("show.toml"), "a = 1\n").unwrap();
+        std::fs::write(at("part.toml"), "b = 1\n").unwrap();
+        let file = ShowFile::new(at("show.toml"), Box::new(|_| Ok(())));
+        let change = |key: &'static str| {
+            let to_2 = |text: &str| Ok::<_, String>(text.replace('1', "2"));
+            file.change_where(|text| text.contains(key), to_2).unwrap();
+            ["show.toml", "part.toml"].map(|name| std::fs::read_to_string(at(name)).unwrap())
+        };
+        assert_eq!(
+            change("b"),
+            ["a = 2\n", "b = 1\n"],
+            "nothing is included yet"
+        );
+        file.set_included(vec![at("part.toml")]);
+        assert_eq!(change("b"), ["a = 2\n", "b = 2\n"]);
+        assert_eq!(change("a"), ["a = 2\n", "b = 2\n"]);
+        let missing = file.change_included(&at("no.toml"), |_| Ok::<_, String>(String::new()));
+        assert!(missing.unwrap_err().contains("no.toml"));
+    }
+
     #[test]
     fn every_beginning_of_a_good_text_counts_as_incomplete() {
         let good =

@@ -16,6 +16,7 @@ use crate::cli::Outcome;
 use crate::config::graphs::read_graph;
 use crate::config::{Config, ConfigError};
 use corybant_core::beat::BeatError;
+use corybant_core::cue::CueNames;
 use corybant_core::cue::list::CueList;
 use corybant_core::graph::Graph;
 use corybant_core::show::{Cast, ShowError};
@@ -42,7 +43,7 @@ pub(in crate::cli) fn read_config(path: Option<&Path>) -> Result<Config, Box<dyn
         .into());
     }
     let text = read_text(path)?;
-    let config = Config::parse(&shown(path), &text)?.in_folder(folder_of(path));
+    let config = Config::load(path, &text)?.in_folder(folder_of(path));
     Ok(Config {
         file: Some((path.into(), text)),
         ..config
@@ -83,7 +84,7 @@ pub(in crate::cli) fn find_cast(
         };
         dancers.push((dancer.clone(), graph));
     }
-    Ok(Cast::new(dancers)?)
+    Ok(Cast::new(dancers)?.with_scenes(&config.scene))
 }
 
 /// Returns the path of each dancer's graph file; see [`Config::graph_files`]. `show` is the path of
@@ -113,26 +114,26 @@ pub(in crate::cli) fn check_labels(show: Option<&Path>, config: &Config, cast: &
     let name = shown(show);
     Err(Box::new(ConfigError {
         problems: problems
-            .into_iter()
-            .map(|problem| format!("{name}: {problem}"))
+            .iter()
+            .map(|it| config.files.located(&name, it))
             .collect(),
     }))
 }
 
-/// Reads the cue list at `path` for a show with these labels; returns an empty list if `path` is
-/// `None`.
+/// Reads the cue list at `path` for a show with these labels and scenes; returns an empty list if
+/// `path` is `None`.
 ///
 /// # Errors
 /// The file cannot be read, or lines of the list are invalid. The message has one line for each
 /// invalid line.
 pub(in crate::cli) fn read_cue_list(
     path: Option<&Path>,
-    labels: &[String],
+    names: CueNames,
 ) -> Result<CueList, Box<dyn Error>> {
     let Some(path) = path else {
         return Ok(CueList::default());
     };
-    let list = CueList::parse(&read_text(path)?, labels);
+    let list = CueList::parse(&read_text(path)?, names);
     list.map_err(|errors| lines_in_file(path, &errors).into())
 }
 

@@ -27,12 +27,17 @@ pub(in crate::cli) struct SongArgs {
 }
 
 impl SongArgs {
-    /// Reads the settings of the show file.
+    /// Reads the settings of the show file. The song determines the tempo, so scenes select no tempo
+    /// source.
     ///
     /// # Errors
     /// The show file cannot be read or has problems.
     pub(in crate::cli) fn config(&self) -> Result<Config, Box<dyn Error>> {
-        read_config(self.show.as_deref())
+        let mut config = read_config(self.show.as_deref())?;
+        for scene in &mut config.scene {
+            scene.tempo_source = None;
+        }
+        Ok(config)
     }
 
     /// Returns the arguments with which this program renders the same song.

@@ -48,8 +48,10 @@ impl CueRecording {
         })
     }
 
-    /// Returns this recording with the labels of `names`, which new motion graphs change.
+    /// Returns this recording with the scenes of `names`, and its labels, which new motion graphs
+    /// change.
     pub(super) fn with_names(mut self, names: NamesReader) -> Self {
+        self.recorder = self.recorder.with_scenes(&names.seen().scenes);
         self.recorder.set_labels(&names.seen().pads);
         self.names = names;
         self

@@ -18,6 +18,7 @@ use crate::rt::show_names::Names;
 use crate::web::calibration::Setting;
 use corybant_core::cue::{Cue, OutputCommand};
 use corybant_core::show::replan::Replan;
+use corybant_core::show::scene::Scenes;
 use corybant_core::tempo::command::TempoCommand;
 use corybant_core::tempo::source::TempoSource;
 use corybant_core::time::{Bpm, Seconds};
@@ -184,10 +185,13 @@ impl LiveSettings {
         let replan = self.replan(&new, reach);
         live.extend(streams.as_ref().map(|_| "output"));
         live.extend(replan.as_ref().map(|_| "plan"));
-        if streams.is_some() || replan.is_some() {
+        let scenes = self.replace_scenes(&new, reach);
+        live.extend(scenes.as_ref().map(|_| "scene"));
+        if streams.is_some() || replan.is_some() || scenes.is_some() {
             self.context.changes.send(ShowChange {
                 streams,
                 replan,
+                scenes,
                 graph: None,
             });
         }
@@ -372,6 +376,18 @@ impl LiveSettings {
         let beats_per_bar = self.started.tempo.beats_per_bar.initial();
         let replan = || Replan::new(opener.cast(), plan, beats_per_bar, &shared.faults);
         on_one_thread(replan).ok()
+    }
+
+    /// Returns the scenes of `new` if they have changed and can replace the current ones.
+    fn replace_scenes(&mut self, new: &Config, reach: changes::Reach) -> Option<Arc<Scenes>> {
+        let is_live = reach.plan && changes::has_same_scenes(&self.started, new);
+        if !is_live || new.scene == self.current.scene {
+            return None;
+        }
+        let cast = self.context.opener.cast().clone().with_scenes(&new.scene);
+        let scenes = cast.scenes().clone();
+        self.context.opener.set_cast(cast);
+        Some(scenes)
     }
 
     /// Applies the changed settings of MIDI, OSC, audio and tempo in `new`, and adds their keys to

@@ -1,6 +1,7 @@
 //! Applies changes of the show file and of graph files to the running show. In: the text of the show
 //! file and the state of the graph files, twice a second. Out: changed outputs, planners, graphs and settings; a warning about settings that need a restart and
-//! about a bad change, after which the show continues with the last good settings. Thread: its own,
+//! about a bad change, after which the show continues with the last good settings. Files that the
+//! show file includes are watched in the same way. Thread: its own,
 //! "show-file".
 //!
 //! The program compares the whole text of the file, so any editor and any file system works.
@@ -9,6 +10,7 @@
 mod apply;
 pub(super) mod edits;
 mod graphs;
+mod included;
 mod settling;
 
 use std::path::{Path, PathBuf};
@@ -27,6 +29,7 @@ use corybant_files::shown;
 pub(super) use apply::ReloadContext;
 use apply::{Applied, LiveSettings};
 use edits::{Edit, EditResult, EditSender};
+use included::{Found, IncludedFiles};
 use settling::{Change, FileContent, Settling};
 
 /// Interval at which the show-file thread reads the show file.
@@ -77,12 +80,15 @@ impl Reload {
             return Ok(None);
         };
         let (edits, waiting) = edits::edits();
+        let included = IncludedFiles::new(&started.files);
+        file.set_included(included.paths());
         let live = LiveSettings::new(started, outputs, context, folder_of(&path));
         let watcher = ShowFileWatcher {
             edits: waiting,
             path,
             file,
             settling: Settling::new(text),
+            included,
             missing: 0,
             live,
         };
@@ -99,12 +105,24 @@ impl Reload {
 }
 
 fn read(path: &Path, text: &str) -> Result<Config, Vec<String>> {
-    let config = Config::parse(&shown(path), text).map_err(|error| error.problems)?;
+    let config = Config::load(path, text).map_err(|error| error.problems)?;
     Ok(config.in_folder(folder_of(path)))
 }
 
 fn folder_of(path: &Path) -> &Path {
     path.parent().unwrap_or(Path::new(""))
+}
+
+/// Reads the file at `path`. The error is a sentence that says why it cannot be read.
+fn read_content(path: &Path) -> Result<FileContent, String> {
+    let modified = std::fs::metadata(path).and_then(|found| found.modified());
+    let bytes = corybant_files::read(path, MIB_MAX).map_err(|error| error.to_string())?;
+    let text = corybant_files::text(bytes)
+        .map_err(|error| format!("cannot read {}: {error}", shown(path)))?;
+    Ok(FileContent {
+        text,
+        modified: modified.ok(),
+    })
 }
 
 /// The state of the show-file thread.
@@ -114,6 +132,7 @@ struct ShowFileWatcher {
     path: PathBuf,
     file: Arc<ShowFile>,
     settling: Settling,
+    included: IncludedFiles,
     /// Number of consecutive reads of the show file that have failed; 0 after a successful read.
     missing: u32,
     live: LiveSettings,
@@ -132,7 +151,7 @@ impl ShowFileWatcher {
 
     fn poll(&mut self) {
         let is_ready = self.live.context.changes.is_ready();
-        match self.read_file() {
+        match read_content(&self.path) {
             Ok(content) => {
                 if std::mem::take(&mut self.missing) >= MISSING_POLLS {
                     // Process the file again, so that its warnings replace the one about the file.
@@ -142,7 +161,7 @@ impl ShowFileWatcher {
                     self.adopt_own_change(content.text);
                 } else if self.settling.has_settled(&content, &self.file.good()) && is_ready {
                     self.process(content);
-                } else if is_ready {
+                } else if is_ready && !self.settling.is_waiting() && !self.poll_included() {
                     self.reload_graphs();
                 }
             }
@@ -165,7 +184,7 @@ impl ShowFileWatcher {
             std::thread::park_timeout(Duration::from_millis(5));
         }
         let text = (edit.change)(&self.file.good()).map_err(|error| vec![error])?;
-        let config = Config::parse("the setup", &text).map_err(|error| error.problems)?;
+        let config = Config::load(&self.path, &text).map_err(|error| error.problems)?;
         let folder = folder_of(&self.path);
         let Applied { live, at_restart } = self.live.apply(config.in_folder(folder))?;
         if !live.is_empty() {
@@ -177,16 +196,16 @@ impl ShowFileWatcher {
         Ok(at_restart)
     }
 
-    /// Reads the show file. The error is a sentence that says why it cannot be read.
-    fn read_file(&self) -> Result<FileContent, String> {
-        let modified = std::fs::metadata(&self.path).and_then(|found| found.modified());
-        let bytes = corybant_files::read(&self.path, MIB_MAX).map_err(|error| error.to_string())?;
-        let text = corybant_files::text(bytes)
-            .map_err(|error| format!("cannot read {}: {error}", shown(&self.path)))?;
-        Ok(FileContent {
-            text,
-            modified: modified.ok(),
-        })
+    /// Applies the show file again if an included file has changed. Returns true if one has.
+    fn poll_included(&mut self) -> bool {
+        match self.included.poll() {
+            Found::Nothing => return false,
+            Found::Edit => self.apply(self.file.good()),
+            Found::Incomplete(why) => self.warn(&format!(
+                "{why}. The show continues with the settings before; save the whole file again"
+            )),
+        }
+        true
     }
 
     /// Takes over graph files whose content has changed. If a graph cannot be used, sets a warning;
@@ -249,14 +268,17 @@ impl ShowFileWatcher {
 
     fn apply(&mut self, text: String) {
         let outcome = read(&self.path, &text).and_then(|config| {
-            let name = shown(&self.path);
-            let in_file = |problem: String| format!("{name}: {problem}");
+            let (name, files) = (shown(&self.path), config.files.clone());
+            let in_file = |problem: &String| files.located(&name, problem);
             let applied = self.live.apply(config);
-            applied.map_err(|problems| problems.into_iter().map(in_file).collect())
+            let applied = applied.map_err(|problems| problems.iter().map(in_file).collect());
+            applied.map(|applied| (applied, files))
         });
         match outcome {
-            Ok(Applied { live, at_restart }) => {
+            Ok((Applied { live, at_restart }, files)) => {
                 self.file.accept(text);
+                self.included = IncludedFiles::new(&files);
+                self.file.set_included(self.included.paths());
                 let live = if live.is_empty() {
                     "nothing".into()
                 } else {

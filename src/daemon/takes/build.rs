@@ -222,7 +222,7 @@ impl TakeFolder {
         let bytes =
             corybant_files::read(&self.show_file, MIB_MAX).map_err(|error| error.to_string())?;
         let text = corybant_files::text(bytes).map_err(|error| error.to_string())?;
-        Config::parse(&shown(&self.show_file), &text).map_err(|error| error.to_string())
+        Config::load(&self.show_file, &text).map_err(|error| error.to_string())
     }
 
     /// Returns the setting that names the graph of the dancer, and its value.

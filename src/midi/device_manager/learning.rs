@@ -153,7 +153,7 @@ impl ManagerThread {
             return;
         };
         let before = insert(&mut controller.settings.map, &entry);
-        match MidiMap::new(&controller.settings.map, &self.context.labels) {
+        match MidiMap::new(&controller.settings.map, self.context.names()) {
             Ok(map) => controller.set_map(map),
             Err(error) => {
                 return self.report(LearnReport::new(
@@ -166,7 +166,7 @@ impl ManagerThread {
         let settings = controller.settings.clone();
         self.search(Instant::now());
         self.leds
-            .set_leds(number, settings.leds, &settings.map, &self.context.labels);
+            .set_leds(number, settings.leds, &settings.map, self.context.names());
         let saved = self.save(&settings, &entry);
         let Some(control) = entry.control() else {
             return;
@@ -222,7 +222,8 @@ impl ManagerThread {
         Some(number)
     }
 
-    /// Writes the map entry `entry` into the show file, for the controller with the settings
+    /// Writes the map entry `entry` into the show file, or into an included file that has the
+    /// controller, for the controller with the settings
     /// `settings`.
     ///
     /// # Errors
@@ -233,7 +234,10 @@ impl ManagerThread {
             .show_file
             .as_ref()
             .ok_or("there is no show file")?;
-        file.change(|text| save::with(text, settings, entry))
+        file.change_where(
+            |text| save::has_controller(text, settings),
+            |text| save::with(text, settings, entry),
+        )
     }
 }
 

@@ -26,6 +26,7 @@ use crate::rt::takes::{NO_TAKES, TakeDesk};
 use crate::rt::waker::Waker;
 use crate::rt::warnings::Warnings;
 use crate::rt::worker::{StopSignal, Worker};
+use corybant_core::cue::CueNames;
 use corybant_core::cue::midi::{MapEntry, MidiMap};
 use corybant_core::fault::Faults;
 use corybant_files::show_file::ShowFile;
@@ -44,6 +45,8 @@ const REPORTS_MAX: usize = 32;
 pub struct MidiContext {
     /// Names of the labels of the show, indexed by label number.
     pub labels: Vec<String>,
+    /// Names of the scenes of the show, indexed by scene number.
+    pub scenes: Vec<String>,
     /// Queue into which MIDI mappers push cues.
     pub cues: CueQueue,
     /// Counters of faults of the show.
@@ -58,6 +61,15 @@ pub struct MidiContext {
     /// Function that the thread for the LEDs calls at its start, to raise the priority of the
     /// thread.
     pub raise_priority: fn(),
+}
+
+impl MidiContext {
+    fn names(&self) -> CueNames<'_> {
+        CueNames {
+            labels: &self.labels,
+            scenes: &self.scenes,
+        }
+    }
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -138,7 +150,7 @@ impl DeviceManager {
         for (number, settings) in settings.iter().enumerate() {
             let mapper = MidiMapper::new(
                 &settings.map,
-                &context.labels,
+                context.names(),
                 context.cues.clone(),
                 context.faults.clone(),
             )?
@@ -288,7 +300,7 @@ impl ManagerThread {
     fn set_labels(&mut self, labels: Vec<String>) {
         self.context.labels = labels;
         for (number, controller) in self.controllers.iter_mut().enumerate() {
-            match MidiMap::new(&controller.settings.map, &self.context.labels) {
+            match MidiMap::new(&controller.settings.map, self.context.names()) {
                 Ok(map) => controller.set_map(map),
                 Err(error) => self
                     .context
@@ -338,26 +350,22 @@ impl ManagerThread {
     /// Replaces the controller with index `number` in the list of controllers, or appends a new
     /// controller. If only the map has changed, replaces only the map.
     fn set_controller(&mut self, number: usize, settings: Settings) -> Result<(), MidiError> {
-        let MidiContext {
-            labels,
-            cues,
-            faults,
-            ..
-        } = &self.context;
+        let names = self.context.names();
+        let MidiContext { cues, faults, .. } = &self.context;
         if let Some(controller) = self.controllers.get_mut(number) {
             if (Settings {
                 map: settings.map.clone(),
                 ..controller.settings.clone()
             }) == settings
             {
-                controller.set_map(MidiMap::new(&settings.map, labels)?);
+                controller.set_map(MidiMap::new(&settings.map, names)?);
                 controller.settings = settings;
                 return Ok(());
             }
             self.leds.set_output(number, None);
             self.context.warnings.clear(&warning_topic(number));
         }
-        let mapper = MidiMapper::new(&settings.map, labels, cues.clone(), faults.clone())?
+        let mapper = MidiMapper::new(&settings.map, names, cues.clone(), faults.clone())?
             .learning(number, &self.session)
             .with_takes(&self.takes);
         let controller = Controller::new(settings, mapper);
@@ -375,7 +383,7 @@ impl ManagerThread {
                 number,
                 controller.settings.leds,
                 &controller.settings.map,
-                &self.context.labels,
+                self.context.names(),
             );
         }
     }

@@ -194,6 +194,9 @@ impl StatePublisher {
         let queued = || status.queue.iter().flatten();
         match readout {
             Readout::Pad(label) => Value::Float(f32::from(lamp(label) as u8) / 2.0),
+            Readout::Scene(scene) if status.scene == Some(scene) => Value::Float(1.0),
+            Readout::Scene(scene) if status.next_scene == Some(scene) => Value::Float(0.5),
+            Readout::Scene(_) => Value::Float(0.0),
             Readout::Lamp(label) => Value::Int(lamp(label) as i32),
             Readout::Hold => Value::Float(on(status.held)),
             Readout::Offset => Value::Float(rounded(status.offset * 1000.0, 10.0)),

@@ -102,7 +102,7 @@ impl OscDispatcher {
     /// Returns this dispatcher with the labels of `names`, which can grow during the show.
     pub fn with_names(self, names: NamesReader) -> Self {
         Self {
-            map: OscMap::new(&names.seen().pads),
+            map: OscMap::of(names.seen().cue_names()),
             names,
             ..self
         }
@@ -126,7 +126,7 @@ impl OscDispatcher {
     pub fn update(&mut self) -> bool {
         let is_new = self.names.update();
         if is_new {
-            self.map = OscMap::new(&self.names.seen().pads);
+            self.map = OscMap::of(self.names.seen().cue_names());
         }
         is_new
     }

@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 
 use super::ApiNames;
 use corybant_core::beat::form::section::SectionStart;
+use corybant_core::cue::scene::SceneId;
 use corybant_core::graph::Attribute;
 use corybant_core::show::status::Status;
 
@@ -15,6 +16,7 @@ use corybant_core::show::status::Status;
 /// "section":{"name":name,"beat":b,"confidence":0..1}|null,"next_section":the same|null,
 /// "phrase":{"beat":0..,"beats":n},"intensity":0..1|null,"level_db":dBFS,"music":bool,"held":bool,"panicked":bool,
 /// "motion":"label|free|idle","label":name|null,"clip":name,"next":name,
+/// "scene":name|null,"next_scene":name|null,
 /// "cues":[{"label":name,"dancing":bool,"beats_left":n},…],"warnings":[…]}`. A number that is not
 /// finite becomes `null`.
 pub(super) fn to_json(status: &Status, names: &ApiNames, warnings: Value) -> Value {
@@ -24,6 +26,7 @@ pub(super) fn to_json(status: &Status, names: &ApiNames, warnings: Value) -> Val
         Attribute::None => ("free", None),
         Attribute::Idle => ("idle", None),
     };
+    let scene = |scene: Option<SceneId>| scene.and_then(|it| name_of(&names.scenes, it.into()));
     let cues = status.queue.iter().map_while(|cue| cue.as_ref());
     json!({
         "time": rounded(status.time, 1e3),
@@ -48,6 +51,8 @@ pub(super) fn to_json(status: &Status, names: &ApiNames, warnings: Value) -> Val
         "label": label,
         "clip": name_of(&names.clips, status.clip as usize),
         "next": name_of(&names.clips, status.next_clip as usize),
+        "scene": scene(status.scene),
+        "next_scene": scene(status.next_scene),
         "cues": cues.map(|cue| json!({
             "label": name_of(&names.labels, cue.label.into()),
             "dancing": cue.dancing,
@@ -79,6 +84,7 @@ mod tests {
         let names = ApiNames {
             labels: vec!["pop".into(), "salsa".into()],
             clips: vec!["walk".into()],
+            scenes: vec!["calm".into()],
             ..ApiNames::default()
         };
         let mut status = Status {
@@ -86,6 +92,8 @@ mod tests {
             attribute: Attribute::Label(1),
             clip: 0,
             next_clip: 9,
+            scene: Some(3),
+            next_scene: Some(0),
             bpm: f64::NAN,
             ..Status::default()
         };
@@ -109,5 +117,9 @@ mod tests {
             json!([{ "label": "pop", "dancing": false, "beats_left": 5 }])
         );
         assert!(state["bpm"].is_null());
+        assert_eq!(
+            (&state["scene"], &state["next_scene"]),
+            (&Value::Null, &"calm".into())
+        );
     }
 }

@@ -12,6 +12,7 @@ import { showMachine } from './machine.js';
 import { makePadPages } from './pad_pages.js';
 import { flash, makePads, onPress, partsOf } from './pads.js';
 import { makeRecord } from './record.js';
+import { makeScenes } from './scenes.js';
 import { makeSetup } from './setup.js';
 import { makeThumbs } from './thumbs.js';
 import { makeWarnings } from './warnings.js';
@@ -48,6 +49,7 @@ const learn = makeLearn($('learn'), send);
 const calibrate = makeCalibrate($('calibrate'), send);
 const drawer = makeDrawer($('setup'), $('open-setup'), { calibrate: () => calibrate.open(), opened: () => setup.opened() });
 const setup = makeSetup($('setup'), drawer);
+const scenes = makeScenes($('scenes'), send);
 const record = makeRecord($('record'), $('count'), send);
 const colours = makeColours($('colours'), send, (group, colour) => pads.paint(group, colour));
 const banner = makeBanner($('banner'), {
@@ -127,7 +129,8 @@ function hello(message) {
   pages = makePadPages($('find'), pads.elements);
   if (added.length) pages.reveal(added.at(-1));
   colours.groups([...new Set(about.labels.map((label) => partsOf(label)[0]))], about.dancers.map(({ name }) => name));
-  learn.labels(about.labels, message.takes);
+  learn.labels(about.labels, message.takes, about.scenes ?? []);
+  scenes.names(about.scenes ?? []);
   showThumbs(pads.elements);
   $('source').replaceChildren(...about.sources.map((name) => new Option(name)));
   showCast();
@@ -348,6 +351,7 @@ function draw(now) {
     shown = latest;
     banner.state(latest);
     showHold();
+    scenes.state(latest);
     showNow();
     showCues();
     showAhead();

@@ -17,7 +17,7 @@ function choice(label, options) {
   return select;
 }
 
-/** Fills `element` with the controls; `send(message)` sends a message. Returns `{ labels(names, takes), showAnswer(answer) }`. */
+/** Fills `element` with the controls; `send(message)` sends a message. Returns `{ labels(names, takes, scenes), showAnswer(answer) }`. */
 export function makeLearn(element, send) {
   const what = choice('Action of the MIDI control', COMMANDS);
   const mode = choice('Launch mode of the MIDI control', MODES);
@@ -46,10 +46,12 @@ export function makeLearn(element, send) {
   });
 
   return {
-    /** Takes the names of the labels; `takes` is true if the show records takes. */
-    labels(names, takes) {
+    /** Takes the names of the labels and of the scenes; `takes` is true if the show records takes. */
+    labels(names, takes, scenes) {
       const chosen = what.value;
-      const commands = [...COMMANDS, ...(takes ? RECORD_COMMANDS : [])];
+      const recalls = scenes.map((name) => [`!scene ${name}`, `scene ${name}`]);
+      const ends = scenes.length ? [['!scene_end', 'end the scene']] : [];
+      const commands = [...recalls, ...ends, ...COMMANDS, ...(takes ? RECORD_COMMANDS : [])];
       what.replaceChildren(...names.map((name) => new Option(name, name)), ...commands.map(([value, text]) => new Option(text, value)));
       const wanted = mode.value;
       mode.replaceChildren(...[...MODES, ...(takes ? [RECORD] : [])].map(([value, text]) => new Option(text, value)));

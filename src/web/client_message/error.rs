@@ -14,7 +14,7 @@ pub enum ClientMessageError {
     /// The message is not JSON, or does not have the form of any known message.
     #[error(
         "not understood: {why}; send one command a message: {{\"cue\":\"label\"}}, {{\"lift\":\"label\"}}, {{\"cancel\":\"label\"}}, {{\"panic\":true}}, {{\"hold\":true}}, \
-         {{\"release\":true}}, {{\"intensity\":0.7}}, {{\"tempo\":\"tap\"}}, {{\"learn\":{{\"label\":\"salsa\"}}}}, \
+         {{\"release\":true}}, {{\"intensity\":0.7}}, {{\"scene\":\"calm\"}}, {{\"tempo\":\"tap\"}}, {{\"learn\":{{\"label\":\"salsa\"}}}}, \
          {{\"input_latency\":29}}, {{\"channels\":[1,2]}}, {{\"offset\":{{\"output\":0,\"ms\":40}}}}, {{\"keep\":true}}, {{\"record\":{{\"label\":\"mine\"}}}}, {{\"record_stop\":true}} or {{\"colour\":{{\"group\":\"pads\",\"colour\":\"#ffb52e\"}}}}"
     )]
     Shape {
@@ -27,6 +27,14 @@ pub enum ClientMessageError {
         /// The unknown label, shortened if it is long.
         label: String,
         /// The labels of the graph, separated by commas.
+        known: String,
+    },
+    /// The message names a scene that the show does not have.
+    #[error("there is no scene `{scene}`; there are: {known}")]
+    UnknownScene {
+        /// The unknown scene, shortened if it is long.
+        scene: String,
+        /// The scenes of the show, separated by commas.
         known: String,
     },
     /// A number in the message is outside its range.
@@ -73,6 +81,7 @@ impl ClientMessageError {
         match self {
             Self::UnknownLabel { .. } => Fault::UnknownLabel,
             Self::Shape { .. }
+            | Self::UnknownScene { .. }
             | Self::Range { .. }
             | Self::UnknownGroup { .. }
             | Self::Colour { .. }

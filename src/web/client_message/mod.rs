@@ -16,9 +16,10 @@ use crate::web::colours::{group_of, is_colour};
 use corybant_core::cue::control_text::parse_tempo;
 use corybant_core::cue::launch::{Launch, Mode, Quantise};
 use corybant_core::cue::midi::{Control, MapEntry};
+use corybant_core::cue::scene::SceneId;
 use corybant_core::cue::take::TakeRequest;
 use corybant_core::cue::{
-    Cue, DEFAULT_BEATS, DanceCommand, OFFSET_MS_MAX, OutputCommand, find_label,
+    Cue, CueNames, DEFAULT_BEATS, DanceCommand, OFFSET_MS_MAX, OutputCommand, find_label,
 };
 use corybant_core::graph::LabelId;
 
@@ -62,6 +63,10 @@ pub enum ClientCommand {
     Follow(True),
     /// `{"performer":0.5}`: set how much live performers move their parts of dancers, 0..=1.
     Performer(f32),
+    /// `{"scene":"calm"}`: recall a scene.
+    Scene(String),
+    /// `{"scene_end":true}`: end the labels of the scene; all dancers dance again.
+    SceneEnd(True),
     /// `{"tempo":"nudge -10"}`: a tempo command, written as in
     /// [`control_text`](corybant_core::cue::control_text).
     Tempo(String),
@@ -221,14 +226,21 @@ impl ClientMessage {
 #[derive(Clone, Debug)]
 pub struct ClientMessages {
     labels: Vec<String>,
+    scenes: Vec<String>,
 }
 
 impl ClientMessages {
     /// Creates a converter of clients' messages to requests. `labels` are the names of the show's
     /// labels, indexed by label number.
     pub fn new(labels: &[String]) -> Self {
+        Self::of(labels.into())
+    }
+
+    /// Creates a converter of clients' messages to requests for the labels and scenes in `names`.
+    pub fn of(names: CueNames) -> Self {
         Self {
-            labels: labels.to_vec(),
+            labels: names.labels.to_vec(),
+            scenes: names.scenes.to_vec(),
         }
     }
 
@@ -260,6 +272,8 @@ impl ClientMessages {
             ClientCommand::Intensity(intensity) => checked_intensity(intensity)?.into(),
             ClientCommand::Follow(True) => DanceCommand::Follow(None).into(),
             ClientCommand::Performer(weight) => checked_performer(weight)?.into(),
+            ClientCommand::Scene(name) => Cue::Scene(Some(self.scene(&name)?)),
+            ClientCommand::SceneEnd(True) => Cue::Scene(None),
             ClientCommand::Tempo(text) => parse_tempo(&text)?.into(),
             ClientCommand::Learn(entry) => {
                 let entry = entry.map(|entry| self.learn(entry)).transpose()?;
@@ -291,7 +305,11 @@ impl ClientMessages {
             .clone()
             .of(Control::Note(0), None)
             .check("learn", &mut problems);
-        match entry.action(&self.labels) {
+        let names = CueNames {
+            labels: &self.labels,
+            scenes: &self.scenes,
+        };
+        match entry.action(names) {
             Err(error) => Err(ClientMessageError::Learn {
                 why: error.to_string(),
             }),
@@ -352,6 +370,13 @@ impl ClientMessages {
             });
         }
         Ok(ClientRequest::Setting(Setting::Colour { group, colour }))
+    }
+
+    fn scene(&self, name: &str) -> Result<SceneId, ClientMessageError> {
+        find_label(&self.scenes, name).ok_or_else(|| ClientMessageError::UnknownScene {
+            scene: shortened(name),
+            known: self.scenes.join(", "),
+        })
     }
 
     fn label(&self, name: &str) -> Result<LabelId, ClientMessageError> {

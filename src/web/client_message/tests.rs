@@ -290,7 +290,10 @@ fn refused_messages_are_counted_by_their_fault() {
 /// Each message in the core's table of verbs sends the command in the same row.
 #[test]
 fn every_message_of_the_verb_table_sends_its_command() {
-    let messages = ClientMessages::new(&["LABEL".into()]);
+    let messages = ClientMessages::of(CueNames {
+        labels: &["LABEL".into()],
+        scenes: &["SCENE".into()],
+    });
     for verb in VERBS.iter().filter(|verb| !verb.message.is_empty()) {
         let value = match verb.command {
             Command::Nudge => Value::Number(-10.0),

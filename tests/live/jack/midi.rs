@@ -55,6 +55,7 @@ impl Stage {
         )
         .unwrap();
         let context = MidiContext {
+            scenes: Vec::new(),
             labels,
             cues: queue.clone(),
             faults: faults.clone(),

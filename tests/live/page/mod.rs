@@ -7,6 +7,7 @@ mod import;
 mod messages;
 mod play;
 mod rig;
+mod scenes;
 mod score;
 mod stage;
 mod takes;

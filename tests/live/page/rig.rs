@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use corybant::rt::cue_queue::CueQueue;
-use corybant::web::{Page, Settings, Snapshot, WebContext, serve};
+use corybant::web::{About, Page, Settings, Snapshot, WebContext, serve};
 use corybant_core::cue::Cue;
 use corybant_core::fault::Faults;
 use serde_json::Value;
@@ -45,7 +45,10 @@ impl Rig {
         let (input, output) = Snapshot::channel(&[joints]);
         let page = serve(
             settings,
-            puppet::about(),
+            About {
+                scenes: vec!["SCENE".into()],
+                ..puppet::about()
+            },
             output,
             WebContext::minimal(cues.clone(), Arc::clone(&faults)),
         )

@@ -8,16 +8,19 @@ use std::sync::Arc;
 
 use thiserror::Error;
 
-use super::Cue;
 use super::take::TakeRequest;
 use super::verbs::{Argument, Command, VERBS, Value, Verb};
+use super::{Cue, find_label};
 use crate::tempo::command::TempoCommand;
 use crate::tempo::source::TempoSource;
+use crate::text::did_you_mean;
 
 /// The character that marks a text as a command, such as `!panic`, and not as the name of a label.
 pub const MARK: char = '!';
 /// The command that stops the take that is recorded.
 const RECORD_STOP: &str = "record_stop";
+/// The command that recalls a scene.
+const RECALL: &str = "scene";
 /// The command that removes the last take from the show.
 const RECORD_UNDO: &str = "record_undo";
 /// The greatest number of characters of an unknown command word that an error message quotes;
@@ -55,6 +58,14 @@ pub enum ControlTextError {
         /// The arguments that the command accepts, in words for the error message.
         takes: String,
     },
+    /// The show does not have the scene.
+    #[error("`scene` takes the name of a [[scene]], not `{name}`: {scenes}")]
+    Scene {
+        /// The unknown name, shortened to its first 40 characters.
+        name: String,
+        /// The scenes of the show, in words for the error message.
+        scenes: String,
+    },
 }
 
 /// Parses a command that is given as text without its `!`, such as `panic` or `source link`.
@@ -71,10 +82,21 @@ pub enum ControlTextError {
 /// # Errors
 /// [`ControlTextError`] if the first word is not a command, or if its argument is wrong.
 pub fn parse(text: &str) -> Result<ControlAction, ControlTextError> {
+    parse_for(text, &[])
+}
+
+/// Parses a command as [`parse`] does, for a show with the scenes `scenes`.
+///
+/// # Errors
+/// [`ControlTextError`] if the first word is not a command, or if its argument is wrong.
+pub fn parse_for(text: &str, scenes: &[String]) -> Result<ControlAction, ControlTextError> {
     match text.trim() {
         RECORD_STOP => return Ok(ControlAction::Take(Arc::new(TakeRequest::Stop))),
         RECORD_UNDO => return Ok(ControlAction::Take(Arc::new(TakeRequest::Undo))),
         _ => {}
+    }
+    if let Some(scene) = parse_scene(text, scenes) {
+        return scene.map(ControlAction::Button);
     }
     parse_one_of(text, |_| true).map_err(|error| match error {
         ControlTextError::Unknown { word, allowed } => ControlTextError::Unknown {
@@ -97,13 +119,44 @@ pub fn parse_tempo(text: &str) -> Result<TempoCommand, ControlTextError> {
     }
 }
 
+/// Parses the recall of a scene, such as `scene calm`; the name may contain spaces. Returns `None`
+/// for another command.
+fn parse_scene(text: &str, scenes: &[String]) -> Option<Result<Cue, ControlTextError>> {
+    let (word, name) = text
+        .trim()
+        .split_once(char::is_whitespace)
+        .unwrap_or((text.trim(), ""));
+    if word != RECALL {
+        return None;
+    }
+    let found = find_label(scenes, name.trim());
+    Some(
+        found
+            .map(|scene| Cue::Scene(Some(scene)))
+            .ok_or_else(|| ControlTextError::Scene {
+                name: name.trim().chars().take(WORD_CHARS_MAX).collect(),
+                scenes: match scenes {
+                    [] => "the show has no scene".into(),
+                    scenes => format!(
+                        "the show has {}{}",
+                        scenes.join(", "),
+                        did_you_mean(name.trim(), scenes.iter().map(String::as_str))
+                    ),
+                },
+            }),
+    )
+}
+
 /// Parses a command of a cue list, such as `panic`. Tempo commands are not allowed in a cue list,
 /// because the song determines the tempo. A list has no command for live performers.
 ///
 /// # Errors
 /// [`ControlTextError`] if the first word is not a command, if it is a tempo command, or if the
 /// argument of the command is wrong.
-pub(super) fn parse_in_list(text: &str) -> Result<Cue, ControlTextError> {
+pub(super) fn parse_in_list(text: &str, scenes: &[String]) -> Result<Cue, ControlTextError> {
+    if let Some(scene) = parse_scene(text, scenes) {
+        return scene;
+    }
     let is_allowed = |verb: &Verb| !is_tempo(verb) && verb.command != Command::Performer;
     match parse_one_of(text, is_allowed)? {
         ControlAction::Button(cue) => Ok(cue),
@@ -281,7 +334,7 @@ mod tests {
             (" record_undo ", TakeRequest::Undo),
         ] {
             assert_eq!(parse(text), Ok(ControlAction::Take(Arc::new(request))));
-            assert!(parse_in_list(text).is_err() && parse_tempo(text).is_err());
+            assert!(parse_in_list(text, &[]).is_err() && parse_tempo(text).is_err());
         }
         assert!(parse("record_undo 1").is_err());
     }
@@ -289,6 +342,9 @@ mod tests {
     #[test]
     fn every_text_of_the_table_is_read_as_its_command() {
         for verb in VERBS.iter().filter(|verb| verb.word().is_some()) {
+            if verb.word() == Some(RECALL) {
+                continue;
+            }
             let text = verb
                 .text
                 .trim_start_matches(MARK)
@@ -304,6 +360,39 @@ mod tests {
             };
             assert_eq!(parse(&text), Ok(ControlAction::Button(expected)), "{text}");
         }
+    }
+
+    #[test]
+    fn a_scene_is_recalled_by_its_name() {
+        let scenes = ["Big Beat", "calm"].map(String::from);
+        for (text, scene) in [
+            ("scene calm", 1),
+            ("scene  Big Beat ", 0),
+            ("scene big_beat", 0),
+        ] {
+            let cue = Cue::Scene(Some(scene));
+            assert_eq!(parse_for(text, &scenes), Ok(ControlAction::Button(cue)));
+            assert_eq!(parse_in_list(text, &scenes), Ok(cue));
+        }
+        for (text, scenes, message) in [
+            (
+                "scene clam",
+                &scenes[..],
+                "`scene` takes the name of a [[scene]], not `clam`: the show has Big Beat, calm; did you mean \"calm\"?",
+            ),
+            (
+                "scene",
+                &[],
+                "`scene` takes the name of a [[scene]], not ``: the show has no scene",
+            ),
+        ] {
+            assert_eq!(parse_for(text, scenes).unwrap_err().to_string(), message);
+        }
+        assert_eq!(
+            parse("scene_end"),
+            Ok(ControlAction::Button(Cue::Scene(None)))
+        );
+        assert_eq!(parse_in_list("scene_end", &[]), Ok(Cue::Scene(None)));
     }
 
     #[test]
@@ -354,7 +443,7 @@ mod tests {
     fn an_unknown_command_is_refused_with_what_is_allowed() {
         assert_eq!(
             parse("triple").unwrap_err().to_string(),
-            "unknown command `triple`; allowed are panic, hold, release, intensity NUMBER, performer NUMBER, follow, tap, nudge MILLISECONDS, half, double, downbeat, bpm BEATS_PER_MINUTE, source NAME, freeze [1|0], timecode [1|0], record_stop, record_undo"
+            "unknown command `triple`; allowed are scene SCENE, scene_end, panic, hold, release, intensity NUMBER, performer NUMBER, follow, tap, nudge MILLISECONDS, half, double, downbeat, bpm BEATS_PER_MINUTE, source NAME, freeze [1|0], timecode [1|0], record_stop, record_undo"
         );
         assert!(
             parse("")
@@ -363,7 +452,7 @@ mod tests {
                 .starts_with("unknown command ``")
         );
         let long = parse(&"x".repeat(1000)).unwrap_err().to_string();
-        assert!(long.len() < 280, "{long}");
+        assert!(long.len() < 310, "{long}");
     }
 
     #[test]
@@ -373,13 +462,13 @@ mod tests {
             parse_tempo("panic").unwrap_err().to_string(),
             "unknown command `panic`; allowed are tap, nudge MILLISECONDS, half, double, downbeat, bpm BEATS_PER_MINUTE, source NAME, freeze [1|0], timecode [1|0]"
         );
-        assert_eq!(parse_in_list("panic"), Ok(DanceCommand::Panic.into()));
+        assert_eq!(parse_in_list("panic", &[]), Ok(DanceCommand::Panic.into()));
         assert_eq!(
-            parse_in_list("tap").unwrap_err().to_string(),
-            "unknown command `tap`; allowed are panic, hold, release, intensity NUMBER, follow"
+            parse_in_list("tap", &[]).unwrap_err().to_string(),
+            "unknown command `tap`; allowed are scene SCENE, scene_end, panic, hold, release, intensity NUMBER, follow"
         );
         assert_eq!(
-            parse_in_list("intensity").unwrap_err().to_string(),
+            parse_in_list("intensity", &[]).unwrap_err().to_string(),
             "`intensity` takes a number from 0 to 1 or `release`"
         );
     }

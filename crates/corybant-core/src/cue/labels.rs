@@ -1,7 +1,26 @@
-//! Names of labels in OSC addresses. In: labels of a graph. Out: parts of OSC addresses. Thread:
-//! any.
+//! Names of labels and scenes in cues and in OSC addresses. In: labels of a graph. Out: parts of OSC
+//! addresses. Thread: any.
 
 use crate::graph::LabelId;
+
+/// The names that cues of one show use.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct CueNames<'a> {
+    /// The names of the labels, indexed by label number.
+    pub labels: &'a [String],
+    /// The names of the scenes, indexed by scene number.
+    pub scenes: &'a [String],
+}
+
+impl<'a, T: AsRef<[String]> + ?Sized> From<&'a T> for CueNames<'a> {
+    /// Creates the names of a show with these labels and without scenes.
+    fn from(labels: &'a T) -> Self {
+        Self {
+            labels: labels.as_ref(),
+            scenes: &[],
+        }
+    }
+}
 
 /// Returns the form of `label` that OSC addresses contain: in lower case, with `_` in place of each
 /// character except `a-z 0-9 _ -`.

@@ -14,6 +14,7 @@
 //! | `dmx` | levels of a lighting desk → cues, by a patch |
 //! | `launch`, `schedule` | how a label is launched, and which label is wanted on each beat |
 //! | `list`, `recorder` | cue lists: reading and writing them |
+//! | `scene` | named states of a show: the section `[[scene]]` |
 //! | `take` | requests to record a live performer |
 //! | `labels` | label names in OSC addresses |
 
@@ -26,6 +27,7 @@ pub mod midi;
 pub mod namespace;
 pub mod osc;
 pub mod recorder;
+pub mod scene;
 pub mod schedule;
 pub mod take;
 pub mod tempo_limits;
@@ -40,8 +42,9 @@ use crate::tempo::command::TempoCommand;
 use crate::tempo::source::TimestampedMessage;
 use crate::time::Seconds;
 
-pub use labels::{find_label, osc_name, osc_names};
+pub use labels::{CueNames, find_label, osc_name, osc_names};
 pub use launch::Launch;
+use scene::SceneId;
 
 /// The default number of beats of a cue, which is used if the sender of the cue gives no number.
 pub const DEFAULT_BEATS: u32 = 8;
@@ -75,6 +78,9 @@ pub enum Cue {
     TempoMessage(TimestampedMessage),
     /// A command to the outputs (the senders of poses), such as a change of their common offset.
     Output(OutputCommand),
+    /// Recalls the scene with this number; `None` ends the scene that is on and drops the one that
+    /// waits.
+    Scene(Option<SceneId>),
 }
 
 /// A command to the dancers, such as to dance a label or to return to idle.

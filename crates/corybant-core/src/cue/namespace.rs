@@ -1,15 +1,15 @@
-//! The OSC addresses of one show: the table of all commands, with the labels of the show filled in.
+//! The OSC addresses of one show: the table of all commands, with the labels and the scenes of the
+//! show filled in.
 //!
-//! In: labels. Out: for each OSC address its command, its reported value and its type. Thread: any.
+//! In: labels, scenes. Out: for each OSC address its command, its reported value and its type. Thread: any.
 //!
 //! OSC input, the feedback to control surfaces and OSCQuery all use this list. Each address has one
 //! value, whose type never changes.
 
 use std::collections::HashMap;
 
-use super::osc_names;
-use super::verbs::{Command, LABEL, READOUTS, Readout, ReadoutAddress, Shape, VERBS, Verb};
-use crate::graph::LabelId;
+use super::verbs::{Command, LABEL, READOUTS, Readout, ReadoutAddress, SCENE, Shape, VERBS, Verb};
+use super::{CueNames, osc_names};
 
 /// The start of each OSC address that belongs to a label, such as `/cue/salsa`.
 pub(crate) const CUE_PREFIX: &str = "/cue/";
@@ -47,25 +47,27 @@ pub struct Namespace {
 }
 
 impl Namespace {
-    /// Creates all OSC addresses of a show; `labels[i]` is the name of label `i`. The addresses of
-    /// the labels come last, so further labels at the end only add addresses at the end.
+    /// Creates all OSC addresses of a show without scenes; `labels[i]` is the name of label `i`.
     pub fn new(labels: &[String]) -> Self {
-        let names = osc_names(labels);
+        Self::of(labels.into())
+    }
+
+    /// Creates all OSC addresses of a show with the labels and scenes in `names`. The addresses of
+    /// the labels come last, so further labels at the end only add addresses at the end.
+    pub fn of(show: CueNames) -> Self {
+        let names = osc_names(show.labels);
         let verbs = VERBS.iter().filter_map(|verb| of_verb(verb, None));
         let readouts = READOUTS
             .iter()
             .filter_map(|readout| of_readout(readout, None));
         let mut addresses: Vec<Address> = verbs.chain(readouts).collect();
-        for (number, (label, name)) in labels.iter().zip(&names).enumerate() {
-            let label = Label {
-                number: number as LabelId,
-                label,
-                name,
-            };
-            let verbs = VERBS.iter().filter_map(|verb| of_verb(verb, Some(&label)));
+        let scene_names = osc_names(show.scenes);
+        let scenes = named(SCENE, show.scenes, &scene_names);
+        for owner in scenes.chain(named(LABEL, show.labels, &names)) {
+            let verbs = VERBS.iter().filter_map(|verb| of_verb(verb, Some(&owner)));
             let readouts = READOUTS
                 .iter()
-                .filter_map(|readout| of_readout(readout, Some(&label)));
+                .filter_map(|readout| of_readout(readout, Some(&owner)));
             addresses.extend(verbs.chain(readouts));
         }
         let by_path = addresses
@@ -116,60 +118,80 @@ impl Namespace {
     }
 }
 
-/// A label of the show (kind of motion, such as `salsa`), with its name in OSC addresses.
-struct Label<'a> {
-    /// The index of the label in the list of all labels.
-    number: LabelId,
-    /// The name of the label as spelled in the motion graph.
-    label: &'a str,
-    /// The name of the label in OSC addresses, such as `hip_hop`.
+/// A label (kind of motion, such as `salsa`) or a scene of the show, with its name in OSC addresses.
+struct Owner<'a> {
+    /// [`LABEL`] or [`SCENE`], for which the name stands.
+    placeholder: &'static str,
+    /// The index in the list of all labels, or of all scenes.
+    number: u16,
+    /// The name as spelled in the motion graph or in the show file.
     name: &'a str,
+    /// The name in OSC addresses, such as `hip_hop`.
+    osc_name: &'a str,
 }
 
-impl Label<'_> {
-    /// Returns the OSC address `template` with the name of this label in place of `LABEL`.
-    fn path(&self, template: &str) -> String {
-        template.replacen(LABEL, self.name, 1)
-    }
-}
-
-/// Creates the OSC address of the command `verb`, for `label` if it is given. Returns `None` if the
-/// command has no OSC address. Also returns `None` if the address needs a label but none is given,
-/// or needs none but one is given.
-fn of_verb(verb: &Verb, label: Option<&Label>) -> Option<Address> {
-    let template = verb
-        .address
-        .filter(|address| address.contains(LABEL) == label.is_some())?;
-    let number = label.map_or(0, |label| label.number);
-    Some(Address {
-        path: label.map_or_else(|| template.into(), |label| label.path(template)),
-        shape: verb.command.argument().shape(),
-        command: Some(verb.command.with_label(number)),
-        readout: verb.readout.map(|readout| readout.with_label(number)),
-        when_used: label.is_some() && verb.readout.is_some() && template != PLAIN_LAUNCH,
-        help: label.map_or_else(
-            || verb.help.into(),
-            |label| verb.help.replacen(LABEL, label.label, 1),
-        ),
+/// Returns the labels or scenes `names`, whose names in OSC addresses are `osc_names`.
+fn named<'a>(
+    placeholder: &'static str,
+    names: &'a [String],
+    osc_names: &'a [String],
+) -> impl Iterator<Item = Owner<'a>> {
+    let each = (0..).zip(names.iter().zip(osc_names));
+    each.map(move |(number, (name, osc_name))| Owner {
+        placeholder,
+        number,
+        name,
+        osc_name,
     })
 }
 
-/// Creates the OSC address that reports the value `readout`, for `label` if it is given. Returns
-/// `None` if the address needs a label but none is given, or needs none but one is given.
-fn of_readout(readout: &ReadoutAddress, label: Option<&Label>) -> Option<Address> {
-    let template =
-        Some(readout.address).filter(|address| address.contains(LABEL) == label.is_some())?;
-    let number = label.map_or(0, |label| label.number);
+/// Returns the placeholder in the OSC address `template`; `None` if it has none.
+fn placeholder_in(template: &str) -> Option<&'static str> {
+    [LABEL, SCENE].into_iter().find(|it| template.contains(it))
+}
+
+/// Returns `template` with `name` in place of the placeholder of `owner`.
+fn filled(template: &str, owner: Option<&Owner>, name: impl Fn(&Owner) -> String) -> String {
+    match owner {
+        Some(owner) => template.replacen(owner.placeholder, &name(owner), 1),
+        None => template.into(),
+    }
+}
+
+/// Creates the OSC address of the command `verb`, for `owner` if it is given. Returns `None` if the
+/// command has no OSC address. Also returns `None` if the address needs another owner.
+fn of_verb(verb: &Verb, owner: Option<&Owner>) -> Option<Address> {
+    let wanted = owner.map(|owner| owner.placeholder);
+    let template = verb
+        .address
+        .filter(|address| placeholder_in(address) == wanted)?;
+    let number = owner.map_or(0, |owner| owner.number);
+    let is_launch = wanted == Some(LABEL) && verb.readout.is_some();
     Some(Address {
-        path: label.map_or_else(|| template.into(), |label| label.path(template)),
+        path: filled(template, owner, |it| it.osc_name.into()),
+        shape: verb.command.argument().shape(),
+        command: Some(verb.command.with_label(number).with_scene(number)),
+        readout: verb
+            .readout
+            .map(|readout| readout.with_label(number).with_scene(number)),
+        when_used: is_launch && template != PLAIN_LAUNCH,
+        help: filled(verb.help, owner, |it| it.name.into()),
+    })
+}
+
+/// Creates the OSC address that reports the value `readout`, for `owner` if it is given. Returns
+/// `None` if the address needs another owner.
+fn of_readout(readout: &ReadoutAddress, owner: Option<&Owner>) -> Option<Address> {
+    let wanted = owner.map(|owner| owner.placeholder);
+    let template = Some(readout.address).filter(|it| placeholder_in(it) == wanted)?;
+    let number = owner.map_or(0, |owner| owner.number);
+    Some(Address {
+        path: filled(template, owner, |it| it.osc_name.into()),
         shape: readout.shape,
         command: None,
-        readout: Some(readout.readout.with_label(number)),
+        readout: Some(readout.readout.with_label(number).with_scene(number)),
         when_used: false,
-        help: label.map_or_else(
-            || readout.help.into(),
-            |label| readout.help.replacen(LABEL, label.label, 1),
-        ),
+        help: filled(readout.help, owner, |it| it.name.into()),
     })
 }
 
@@ -253,6 +275,24 @@ mod tests {
         assert_eq!(paths.len(), 16, "the addresses of labels come last");
         let two = Namespace::new(&["salsa".to_owned(), "pop".to_owned()]);
         assert_eq!(two.all()[..namespace.all().len()], *namespace.all());
+    }
+
+    #[test]
+    fn scenes_have_addresses_before_the_labels() {
+        let (labels, scenes) = (["calm".to_owned()], ["Big Beat", "calm"].map(String::from));
+        let names = |labels| CueNames {
+            labels,
+            scenes: &scenes,
+        };
+        let namespace = Namespace::of(names(&labels));
+        let at = |path: &str| &namespace.all()[namespace.find(path).unwrap()];
+        let calm = at("/scene/calm");
+        assert_eq!(calm.command, Some(Command::Button(Cue::Scene(Some(1)))));
+        assert_eq!(calm.readout, Some(Readout::Scene(1)));
+        assert_eq!(at("/scene/big_beat").help, "recall the scene Big Beat");
+        assert!(!calm.when_used);
+        let without = Namespace::of(names(&[]));
+        assert_eq!(namespace.all()[..without.all().len()], *without.all());
     }
 
     #[test]

@@ -32,6 +32,8 @@ impl TakenAt {
 pub struct Recorder {
     /// The names of the labels of the graph.
     labels: Vec<String>,
+    /// The names of the scenes of the show.
+    scenes: Vec<String>,
     /// The cues of mode gate (which last while a pad is held) whose pads are still pressed, each
     /// with the time of the press.
     held: Vec<(Launch, TakenAt)>,
@@ -42,7 +44,17 @@ impl Recorder {
     pub fn new(labels: &[String]) -> Self {
         Self {
             labels: labels.to_vec(),
+            scenes: Vec::new(),
             held: Vec::new(),
+        }
+    }
+
+    /// Returns this recorder with `scenes`, the names of the scenes of the show.
+    #[must_use]
+    pub fn with_scenes(self, scenes: &[String]) -> Self {
+        Self {
+            scenes: scenes.to_vec(),
+            ..self
         }
     }
 
@@ -86,6 +98,14 @@ impl Recorder {
             }
             Cue::Dance(DanceCommand::Intensity(None)) => Some(format!("{when} !intensity release")),
             Cue::Dance(DanceCommand::Follow(_)) => Some(format!("{when} !follow")),
+            Cue::Scene(Some(scene)) => {
+                let name = self.scenes.get(usize::from(scene));
+                Some(format!(
+                    "{when} !scene {}",
+                    name.map_or("?", String::as_str)
+                ))
+            }
+            Cue::Scene(None) => Some(format!("{when} !scene_end")),
             Cue::Tempo(_)
             | Cue::TempoMessage(_)
             | Cue::Output(OutputCommand::Offset(_))

@@ -13,7 +13,8 @@ CORYBANT_WRITE_DOCS=1 cargo test -p corybant-core verb_docs
 ```
 
 `LABEL` stands for a label of the motion graph. In an OSC address its name is in lower case, and every
-character outside `a-z 0-9 _ -` is `_`; a second label of the same name gets the suffix `_2`.
+character outside `a-z 0-9 _ -` is `_`; a second label of the same name gets the suffix `_2`. `SCENE` stands for a
+`[[scene]]` of the show file, with the same rules for its name.
 
 ## Commands
 

@@ -8,6 +8,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::launch::Launch;
+use super::scene::SceneId;
 use super::{Cue, DanceCommand, OutputCommand, Place};
 use crate::graph::LabelId;
 use crate::tempo::command::TempoCommand;
@@ -31,6 +32,7 @@ pub(super) enum WireCue {
     Intensity(Option<f32>),
     Performer(f32),
     Follow(Option<Place>),
+    Scene(Option<SceneId>),
 }
 
 impl From<Cue> for WireCue {
@@ -49,6 +51,7 @@ impl From<Cue> for WireCue {
             Cue::Output(OutputCommand::Offset(offset)) => Self::Offset(offset),
             Cue::Output(OutputCommand::LookAhead(ahead)) => Self::LookAhead(ahead),
             Cue::Output(OutputCommand::Performer(weight)) => Self::Performer(weight),
+            Cue::Scene(scene) => Self::Scene(scene),
         }
     }
 }
@@ -69,6 +72,7 @@ impl From<WireCue> for Cue {
             WireCue::LookAhead(ahead) => OutputCommand::LookAhead(ahead).into(),
             WireCue::Performer(weight) => OutputCommand::Performer(weight).into(),
             WireCue::Follow(place) => DanceCommand::Follow(place).into(),
+            WireCue::Scene(scene) => Cue::Scene(scene),
         }
     }
 }
@@ -98,7 +102,9 @@ mod tests {
             message: TempoMessage::Position(3),
         };
         let with = |head: &[u8], tail: &[u8]| [head, tail].concat();
-        let cues: [(Cue, Vec<u8>); 16] = [
+        let cues: [(Cue, Vec<u8>); 18] = [
+            (Cue::Scene(None), vec![13, 0]),
+            (Cue::Scene(Some(300)), vec![13, 1, 0xac, 2]),
             (
                 gate.into(),
                 vec![0, 0xac, 2, 9, 1, 3, 1, 4, 1, 0, 0, 0, 0x3f, 1, 0],

@@ -212,6 +212,16 @@ impl Dancer {
         self.blended(self.segment_at(beat), beat, pose);
     }
 
+    /// Returns the stage of the dancer.
+    pub fn bounds(&self) -> &StageBounds {
+        &self.bounds
+    }
+
+    /// Returns the stage of the dancer, to change it.
+    pub fn bounds_mut(&mut self) -> &mut StageBounds {
+        &mut self.bounds
+    }
+
     /// Returns the index in `Graph::clips` of the clip that is danced at the beat position `beat`.
     /// While the dancer still dances on the graph before a change, it is the clip that it reaches
     /// next on the new graph.

@@ -35,9 +35,9 @@ pub use dancer::Dancer;
 
 /// Largest absolute value of each coordinate of a dancer's home (the middle of its stage), in
 /// metres.
-const HOME_MAX: f32 = 1000.0;
+pub const HOME_MAX: f32 = 1000.0;
 /// The smallest and the largest radius of a dancer's stage, in metres.
-const STAGE_RANGE: (f32, f32) = (0.5, 1000.0);
+pub const STAGE_RANGE: (f32, f32) = (0.5, 1000.0);
 /// Largest delay of a follower (a dancer that copies another dancer's steps) after its leader, in
 /// beats.
 pub const DELAY_MAX: u32 = 64;

@@ -81,6 +81,16 @@ impl StageBounds {
         }
     }
 
+    /// Sets the radius of the stage in metres.
+    pub fn set_radius(&mut self, stage: f32) {
+        self.stage = stage;
+    }
+
+    /// Returns the radius of the stage in metres.
+    pub fn radius(&self) -> f32 {
+        self.stage
+    }
+
     /// Returns the middle of the stage in metres; y is 0.
     pub fn place(&self) -> Vec3 {
         self.place

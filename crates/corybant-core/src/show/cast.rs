@@ -9,7 +9,7 @@
 
 use std::sync::Arc;
 
-use crate::cue::{DanceCommand, Launch};
+use crate::cue::{CueNames, DanceCommand, Launch, scene};
 use crate::dance::{Cues, Settings};
 use crate::graph::{Attribute, ClipInfo, Graph, LabelId, NodeId};
 use crate::motion::mirror::Mirror;
@@ -18,6 +18,7 @@ use crate::plan::{self, TerminalCost};
 
 use super::ShowError;
 use super::error::NewGraphRefusal;
+use super::scene::Scenes;
 use super::script::Script;
 
 /// Greatest difference between the offsets of a joint in two skeletons that count as the same, in
@@ -59,6 +60,8 @@ pub struct Cast {
     pub members: Vec<Member>,
     /// The name of each pad (button that sends a cue), indexed by pad number.
     pads: Vec<String>,
+    /// The scenes that cues recall.
+    scenes: Arc<Scenes>,
 }
 
 impl Cast {
@@ -120,7 +123,34 @@ impl Cast {
         if LabelId::try_from(pads.len()).is_err() {
             return Err(ShowError::TooManyPads { pads: pads.len() });
         }
-        Ok(Self { members, pads })
+        Ok(Self {
+            members,
+            pads,
+            scenes: Arc::default(),
+        })
+    }
+
+    /// Returns the cast with the scenes `scenes`; see [`Scenes::new`].
+    #[must_use]
+    pub fn with_scenes(self, scenes: &[scene::Settings]) -> Self {
+        let scenes = Scenes::new(scenes, &self.pads, self.names());
+        Self {
+            scenes: Arc::new(scenes),
+            ..self
+        }
+    }
+
+    /// Returns the scenes of the show.
+    pub fn scenes(&self) -> &Arc<Scenes> {
+        &self.scenes
+    }
+
+    /// Returns the names of the pads and of the scenes, which cues use.
+    pub fn cue_names(&self) -> CueNames<'_> {
+        CueNames {
+            labels: &self.pads,
+            scenes: self.scenes.names(),
+        }
     }
 
     /// Returns the cast with `scripts`, the dances that were planned in advance, in the order of
@@ -183,7 +213,7 @@ impl Cast {
     }
 
     /// Returns the names of the dancers, in the order of the show file.
-    pub fn names(&self) -> impl Iterator<Item = &str> {
+    pub fn names(&self) -> impl Iterator<Item = &str> + Clone {
         self.members
             .iter()
             .map(|member| member.settings.name.as_str())
@@ -250,6 +280,7 @@ impl From<Arc<Graph>> for Cast {
                 script: None,
             }],
             pads,
+            scenes: Arc::default(),
         }
     }
 }
@@ -299,7 +330,7 @@ impl CueFilter {
     /// Returns `command` with its pad number replaced by the label of the dancer's graph. Returns
     /// `None` if the dancer does not respond to that pad.
     pub(super) fn own(&self, command: DanceCommand) -> Option<DanceCommand> {
-        let own = |pad: LabelId| self.labels.get(usize::from(pad)).copied().flatten();
+        let own = |pad| self.label(pad);
         Some(match command {
             DanceCommand::Launch(launch) => DanceCommand::Launch(Launch {
                 label: own(launch.label)?,
@@ -327,8 +358,13 @@ impl CueFilter {
     /// Returns the label of the dancer's graph that has the same pad as `label` of another graph,
     /// whose filter is `other`; `None` if this graph lacks the label.
     pub(super) fn label_of(&self, other: &Self, label: LabelId) -> Option<LabelId> {
-        let pad = other.pads.get(usize::from(label))?;
-        self.labels.get(usize::from(*pad)).copied().flatten()
+        self.label(*other.pads.get(usize::from(label))?)
+    }
+
+    /// Returns the label of the dancer's graph that the pad with the number `pad` cues; `None` if
+    /// the dancer does not respond to it.
+    pub(super) fn label(&self, pad: LabelId) -> Option<LabelId> {
+        self.labels.get(usize::from(pad)).copied().flatten()
     }
 
     /// Returns the number of the pad that shows the state of `label`; `label` belongs to the

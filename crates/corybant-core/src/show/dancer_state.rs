@@ -136,6 +136,11 @@ pub(super) struct DancerState {
     accent: f64,
     /// The plane in which all poses are reflected; `None` if the dancer is not mirrored.
     mirror_plane: Option<MirrorPlane>,
+    /// The way from the home in the settings to the home that a scene has set, in metres; y is 0.
+    /// All poses are moved by it.
+    pub(super) glide: Vec3,
+    /// The home in the settings, in metres; y is 0.
+    home: Vec3,
 }
 
 impl DancerState {
@@ -156,6 +161,8 @@ impl DancerState {
             moves: Moves::new(),
             accent: settings.accent.into(),
             mirror_plane,
+            glide: Vec3::ZERO,
+            home: Vec3::new(settings.home[0], 0.0, settings.home[1]),
         }
     }
 
@@ -184,6 +191,18 @@ impl DancerState {
         self.moves.renumber(beats);
     }
 
+    /// Returns the present home of the dancer, in metres (y is 0), and the radius of its stage.
+    pub(super) fn place(&self) -> (Vec3, f32) {
+        (self.home + self.glide, self.dancer.bounds().radius())
+    }
+
+    /// Sets the home of the dancer, in metres (y is 0), and the radius of its stage. All poses move
+    /// with the home.
+    pub(super) fn set_place(&mut self, home: Vec3, radius: f32) {
+        self.glide = home - self.home;
+        self.dancer.bounds_mut().set_radius(radius);
+    }
+
     /// Returns the beat position of the motion that is visible at show time `time`; `path` gives
     /// the beat position without the accent. The accent slows the motion down near each beat and
     /// speeds it up between beats.
@@ -199,6 +218,7 @@ impl DancerState {
         if let Some(mirror_plane) = &self.mirror_plane {
             mirror_plane.show(pose);
         }
+        pose.root += self.glide;
     }
 }
 

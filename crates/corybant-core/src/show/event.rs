@@ -5,6 +5,8 @@ use std::collections::VecDeque;
 
 use smpte_timecode::Timecode;
 
+use crate::cue::CueNames;
+use crate::cue::scene::SceneId;
 use crate::graph::{Attribute, LabelId};
 use crate::tempo::source::TempoSource;
 use crate::timecode::{TimecodeEvent, rate_name};
@@ -38,6 +40,8 @@ pub enum Event {
     Frozen(bool),
     /// The timecode that a show follows was found, has gone elsewhere or was lost.
     Timecode(TimecodeEvent),
+    /// The scene with this number has begun.
+    Scene(SceneId),
     /// A dancer changes to motion with another attribute (a label, idle or unlabelled).
     Dancing {
         /// Number of the dancer, counted from 0.
@@ -76,11 +80,15 @@ impl Event {
         }
     }
 
-    /// Returns a sentence about the event for the log. `labels` are the names of all pads,
+    /// Returns a sentence about the event for the log. `names` are the pads and the scenes,
     /// `dancers` the names of all dancers. The name of the dancer is included only if there are
     /// several dancers.
-    pub fn describe(&self, labels: &[String], dancers: &[String]) -> String {
-        let name = |label: LabelId| labels.get(usize::from(label)).map_or("", String::as_str);
+    pub fn describe<'a>(&self, names: impl Into<CueNames<'a>>, dancers: &[String]) -> String {
+        let names = names.into();
+        let in_list = |list: &'a [String], number: u16| {
+            list.get(usize::from(number)).map_or("", String::as_str)
+        };
+        let name = |label: LabelId| in_list(names.labels, label);
         let who = |dancer: usize| {
             dancers
                 .get(dancer)
@@ -106,6 +114,7 @@ impl Event {
             Event::Frozen(true) => "tempo frozen: the beat goes on as it is".into(),
             Event::Frozen(false) => "tempo follows its source again".into(),
             Event::Timecode(event) => timecode(event),
+            Event::Scene(scene) => format!("scene {} begins", in_list(names.scenes, scene)),
             Event::Dancing {
                 dancer,
                 beat,

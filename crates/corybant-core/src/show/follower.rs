@@ -107,11 +107,20 @@ impl Follower {
         (self.start, self.at, self.entry) = (entry, entry, None);
     }
 
-    /// Commits the steps and cuts of the leader that are due for the follower. `leaders` are the
-    /// leader's committed steps and cuts; `state` is the dance of the follower.
-    pub(super) fn tick(&mut self, state: &mut DancerState, leaders: &Moves, context: &TickContext) {
+    /// Commits the steps and cuts of the leader that are due for the follower, whose index is
+    /// `number`. `leaders` are the leader's committed steps and cuts; `state` is the dance of the
+    /// follower. If a scene lets the follower stand idle, it skips them.
+    pub(super) fn tick(
+        &mut self,
+        number: usize,
+        state: &mut DancerState,
+        leaders: &Moves,
+        context: &TickContext,
+    ) {
         for _ in 0..COMMITS_PER_TICK {
-            if self.cut(state, leaders, context.path.beat_at(context.head).0) {
+            let head = context.path.beat_at(context.head).0;
+            let dances = context.scenes.dances(number, head as i64);
+            if self.cut(state, leaders, head, dances) {
                 continue;
             }
             let committed = state.dancer.committed_until();
@@ -122,7 +131,12 @@ impl Follower {
             if copied.is_some() {
                 self.change_graph(self.next - 1, state);
             }
-            let (step, period) = copied.unwrap_or((self.wait(), 1.0 / context.path.rate()));
+            let period = 1.0 / context.path.rate();
+            let (step, period) = if context.scenes.dances(number, committed as i64) {
+                copied.unwrap_or((self.wait(), period))
+            } else {
+                (self.idle(state.dancer.graph()), period)
+            };
             self.at = step.to;
             state.commit(step, period);
         }
@@ -130,8 +144,8 @@ impl Follower {
 
     /// Copies the leader's next cut (change to another motion) if the follower must dance it at the
     /// beat position `head` or earlier. `head` is the latest beat position for which an output
-    /// requests a pose. Returns true if a cut was copied.
-    fn cut(&mut self, state: &mut DancerState, leaders: &Moves, head: f64) -> bool {
+    /// requests a pose. If `dances` is false, the cut is skipped. Returns true if there was a cut.
+    fn cut(&mut self, state: &mut DancerState, leaders: &Moves, head: f64, dances: bool) -> bool {
         let due = leaders
             .since(self.next)
             .find_map(|(number, a_move)| match *a_move {
@@ -142,7 +156,11 @@ impl Follower {
             return false;
         };
         self.change_graph(number, state);
-        (self.next, self.at) = (number + 1, cut.to + 1);
+        self.next = number + 1;
+        if !dances {
+            return true;
+        }
+        self.at = cut.to + 1;
         state.cut(Cut {
             beat: (cut.beat + self.delay).max(head),
             end_beat: cut.end_beat + self.delay,
@@ -175,6 +193,23 @@ impl Follower {
             }
         }
         None
+    }
+
+    /// Returns a step of one beat along idle motion of `graph`, or along the start motion if there
+    /// is none.
+    fn idle(&self, graph: &Graph) -> CommittedStep {
+        let is_idle =
+            |&node: &NodeId| graph.attribute(node) == Attribute::Idle && graph.next(node).is_some();
+        let goes_on = Some(self.at).filter(is_idle);
+        let first = || (0..graph.nodes.len() as NodeId).find(is_idle);
+        let via = goes_on.or_else(first).unwrap_or(self.start);
+        CommittedStep {
+            from: self.at,
+            via,
+            to: via + 1,
+            beats: 1,
+            attribute: Attribute::Idle,
+        }
     }
 
     /// Returns a step of one beat that repeats the start motion of the follower, for the time while

@@ -17,6 +17,7 @@ use super::cast::CueFilter;
 use super::dancer_state::DancerState;
 use super::event::{Event, Events};
 use super::inputs::music::Music;
+use super::scene::state::SceneState;
 use super::script::ScriptReader;
 use super::similar_poses::hold_loop::HoldLoop;
 use super::similar_poses::jumps::Jumps;
@@ -136,6 +137,9 @@ impl LeadDancer {
         context: &TickContext,
         events: &mut Events,
     ) {
+        if context.scenes.jumps() {
+            self.jump_with_scene(state, context, events);
+        }
         for _ in 0..COMMITS_PER_TICK {
             if state.dancer.committed_until()
                 > context
@@ -158,6 +162,10 @@ impl LeadDancer {
         context: &TickContext,
         events: &mut Events,
     ) {
+        let is_start = matches!(command, DanceCommand::Launch(_) | DanceCommand::Follow(_));
+        if is_start && !self.dances(state, context) {
+            return;
+        }
         if let DanceCommand::Follow(place) = command {
             return self.follow(place, state, context, events);
         }
@@ -193,6 +201,37 @@ impl LeadDancer {
             | DanceCommand::Follow(_) => {}
         }
         if let Some(label) = applied.jump_to {
+            self.hold_loop.release();
+            self.jump(Attribute::Label(label), state, context, events);
+        }
+    }
+
+    /// Returns true if the scenes let this dancer dance at the end of its committed dance.
+    fn dances(&self, state: &DancerState, context: &TickContext) -> bool {
+        let next = state.dancer.committed_until() as i64;
+        context.scenes.dances(self.number, next)
+    }
+
+    /// Drops all cues, because a scene lets this dancer stand idle.
+    pub(super) fn drop_cues(&mut self) {
+        self.schedule.clear();
+        self.hold_loop.release();
+        self.repeating = false;
+    }
+
+    /// Jumps to the label of a scene that has begun at once, unless a cue wants another label.
+    fn jump_with_scene(
+        &mut self,
+        state: &mut DancerState,
+        context: &TickContext,
+        events: &mut Events,
+    ) {
+        let beat = context.path.beat_at(context.head).0.floor() as i64;
+        let wanted = context.scenes.wanted(beat, |pad| self.filter.label(pad));
+        let is_free = context.music.heard
+            && !self.schedule.wants_label(beat)
+            && context.scenes.dances(self.number, beat);
+        if let Some(label) = wanted.filter(|_| is_free) {
             self.hold_loop.release();
             self.jump(Attribute::Label(label), state, context, events);
         }
@@ -320,12 +359,18 @@ impl LeadDancer {
     fn plan_step(&mut self, from: i64, context: &TickContext) -> CommittedStep {
         let mut wanted = std::mem::take(&mut self.wanted);
         let horizon = self.planner.horizon();
-        self.want(from, context.music, &mut wanted[..=horizon]);
-        self.planner
-            .avoid(|avoid| self.schedule.avoided(from, avoid));
+        self.want(from, context.music, context.scenes, &mut wanted[..=horizon]);
+        let (schedule, filter) = (&self.schedule, &self.filter);
+        let avoided = |avoid: &mut dyn FnMut(LabelId)| {
+            schedule.avoided(from, &mut *avoid);
+            context.scenes.avoided(from, |pad| {
+                let label = filter.label(pad).filter(|&it| !schedule.has_cue(it));
+                label.into_iter().for_each(&mut *avoid);
+            });
+        };
+        self.planner.avoid(avoided);
         if self.planner.settings().freestyle {
-            self.choreographer
-                .avoid(|avoid| self.schedule.avoided(from, avoid));
+            self.choreographer.avoid(avoided);
             let moment = Moment {
                 from,
                 bars: context.music.timeline.bars(),
@@ -341,20 +386,24 @@ impl LeadDancer {
     }
 
     /// Sets `wanted` to the attribute (label, idle or none) that is wanted on beat number `from`
-    /// and on each following beat. `from` is the first beat that is not committed. The cues and the
-    /// turns of the dancer decide what is wanted.
-    fn want(&self, from: i64, music: &Music, wanted: &mut [Attribute]) {
+    /// and on each following beat. `from` is the first beat that is not committed. The cues, the
+    /// turns of the dancer and the scenes decide what is wanted.
+    fn want(&self, from: i64, music: &Music, scenes: &SceneState, wanted: &mut [Attribute]) {
         self.schedule.wanted(
             from,
             music.heard,
             |label| self.beats_to(Attribute::Label(label)),
             wanted,
         );
-        let Some(turns) = self.turns else { return };
         let first = music.timeline.bars().first;
+        let has_turn = |beat: i64| self.turns.is_none_or(|turns| turns.has(beat - first));
         for (beat, wanted) in (from..).zip(wanted) {
-            if *wanted == Attribute::None && !turns.has(beat - first) {
+            let is_free = *wanted == Attribute::None;
+            if !scenes.dances(self.number, beat) || is_free && !has_turn(beat) {
                 *wanted = Attribute::Idle;
+            } else if is_free {
+                let label = scenes.wanted(beat, |pad| self.filter.label(pad));
+                *wanted = label.map_or(Attribute::None, Attribute::Label);
             }
         }
     }
@@ -377,11 +426,11 @@ impl LeadDancer {
         &self,
         state: &DancerState,
         first: i64,
-        music: &Music,
+        (music, scenes): (&Music, &SceneState),
     ) -> [Attribute; AHEAD] {
         let from = state.dancer.committed_until() as i64;
         let mut wanted = [Attribute::None; AHEAD];
-        self.want(from, music, &mut wanted);
+        self.want(from, music, scenes, &mut wanted);
         if self.planner.settings().freestyle {
             self.choreographer.fill(from, &mut wanted);
         }

@@ -15,11 +15,12 @@
 //! | `dancer_state` | the committed dance of one dancer |
 //! | `similar_poses` | jumps to other motions, loops of danced steps |
 //! | `lead_change` | the change of a lead dancer to a new motion graph |
-//! | `inputs` | the music, the clock of its samples, and its tempo source |
+//! | `inputs` | the music, the clock of its samples, its tempo source, and commands to the outputs |
 //! | `dances` | a view of the dance between two ticks, for other threads |
 //! | `status`, `event` | reports for displays and for the log |
 //! | `script`, `recording` | dances that were planned in advance; recordings of shows |
 //! | `replan` | new planners for a running show |
+//! | `scene` | named states of the show, which cues recall |
 //! | `graph_swap` | a new motion graph for a dancer of a running show |
 
 pub mod cast;
@@ -37,6 +38,7 @@ mod lead_dancer;
 
 pub mod recording;
 pub mod replan;
+pub mod scene;
 
 pub mod script;
 mod similar_poses;
@@ -50,7 +52,7 @@ use crate::beat::form::section::SectionStart;
 use crate::beat::tracker::BeatSource;
 use crate::cue::list::LEAD_BEATS;
 use crate::cue::tempo_limits::limited;
-use crate::cue::{Cue, OFFSET_MS_MAX, OutputCommand, Place};
+use crate::cue::{Cue, Place};
 use crate::dance::beat_path::BeatPath;
 use crate::fault::Faults;
 use crate::graph::Graph;
@@ -75,6 +77,7 @@ use inputs::sample_clock::SampleClock;
 use inputs::source_watch::SourceWatch;
 use lead_dancer::COMMIT_LEAD;
 use replan::solvers;
+use scene::state::SceneState;
 pub use script::Script;
 pub use status::{Lamp, Status, TempoState};
 
@@ -105,6 +108,7 @@ struct TickContext<'a> {
     path: &'a BeatPath,
     /// The tempo, beats and energy of the music at this tick.
     music: &'a Music,
+    scenes: &'a SceneState,
 }
 
 /// A running show: receives time, audio samples and cues, and computes the poses of its dancers.
@@ -152,6 +156,8 @@ pub struct Show {
     offset: SlewLimited,
     /// The range into which a tempo from a tempo command is doubled or halved, in beats per minute.
     bpm_allowed: RangeInclusive<f64>,
+    /// The scenes, which cues recall.
+    scenes: SceneState,
     /// The show time of the last tick.
     now: Seconds,
     /// The watch that adds an event when the tempo source or its state changes, or when the tempo
@@ -210,6 +216,7 @@ impl Show {
             look_ahead: SlewLimited::at(settings.look_ahead),
             performer_weight: 1.0,
             offset: SlewLimited::default(),
+            scenes: SceneState::new(cast.scenes().clone(), cast.members.len()),
             bpm_allowed: settings.tempo.bpm_min..=settings.tempo.bpm_max,
             now: Seconds(0.0),
             events: Events::new(),
@@ -252,6 +259,7 @@ impl Show {
             states.for_each(|state| state.renumber(beats));
         }
         self.path.tick(head, &self.music.timeline);
+        self.tick_scenes(head, cues);
         self.tick_leads(head, cues);
         self.tick_followers(head);
     }
@@ -259,11 +267,14 @@ impl Show {
     /// Applies the tempo commands and the messages of tempo sources in `cues` at the show time
     /// `now`.
     fn apply_tempo_cues(&mut self, now: Seconds, cues: &[Cue]) {
+        if let Some(source) = self.take_source_of_scene() {
+            self.apply_to_tempo(now, TempoCommand::Source(source));
+        }
         for &cue in cues {
             match cue {
                 Cue::Tempo(command) => self.apply_to_tempo(now, command),
                 Cue::TempoMessage(message) => self.tempo.receive(&message),
-                Cue::Dance(_) | Cue::Output(_) => {}
+                Cue::Dance(_) | Cue::Output(_) | Cue::Scene(_) => {}
             }
         }
     }
@@ -296,38 +307,6 @@ impl Show {
         self.music = *music;
     }
 
-    /// Applies the output commands in `cues`, which change the common offset and look-ahead of the
-    /// outputs.
-    fn apply_output_cues(&mut self, cues: &[Cue]) {
-        for &cue in cues {
-            match cue {
-                Cue::Output(command) => self.apply_to_outputs(command),
-                Cue::Dance(_) | Cue::Tempo(_) | Cue::TempoMessage(_) => {}
-            }
-        }
-    }
-
-    /// Sets the target of the common offset or of the look-ahead of all outputs. A finite value is
-    /// limited to the allowed range; a value that is not finite is ignored.
-    fn apply_to_outputs(&mut self, command: OutputCommand) {
-        let offset_s_max = OFFSET_MS_MAX / 1000.0;
-        match command {
-            OutputCommand::Offset(offset) if offset.0.is_finite() => {
-                self.offset.wanted = Seconds(offset.0.clamp(-offset_s_max, offset_s_max));
-            }
-            OutputCommand::LookAhead(ahead) if ahead.0.is_finite() => {
-                self.look_ahead.wanted = Seconds(ahead.0.clamp(0.0, offset_s_max));
-            }
-            OutputCommand::Performer(weight) if weight.is_finite() => {
-                self.performer_weight = weight.clamp(0.0, 1.0);
-            }
-            // A value that is not finite is ignored.
-            OutputCommand::Offset(_)
-            | OutputCommand::LookAhead(_)
-            | OutputCommand::Performer(_) => {}
-        }
-    }
-
     /// Applies the dance commands in `cues` to the lead dancers and commits the steps that are due.
     /// `head` is the latest show time for which an output requests a pose.
     fn tick_leads(&mut self, head: Seconds, cues: &[Cue]) {
@@ -335,13 +314,14 @@ impl Show {
             head,
             path: &self.path,
             music: &self.music,
+            scenes: &self.scenes,
         };
         for DancerSlot { role, state } in &mut self.slots {
             let Role::Leads(lead) = role else { continue };
             for &cue in cues {
                 match cue {
                     Cue::Dance(command) => lead.apply(command, state, &context, &mut self.events),
-                    Cue::Tempo(_) | Cue::TempoMessage(_) | Cue::Output(_) => {}
+                    Cue::Tempo(_) | Cue::TempoMessage(_) | Cue::Output(_) | Cue::Scene(_) => {}
                 }
             }
             lead.tick(state, &context, &mut self.events);
@@ -355,6 +335,7 @@ impl Show {
             head,
             path: &self.path,
             music: &self.music,
+            scenes: &self.scenes,
         };
         for number in 0..self.slots.len() {
             let Role::Follows(Follower { leader, .. }) = self.slots[number].role else {
@@ -372,7 +353,7 @@ impl Show {
             else {
                 continue;
             };
-            follower.tick(state, &leader.state.moves, &context);
+            follower.tick(number, state, &leader.state.moves, &context);
         }
     }
 
@@ -396,6 +377,7 @@ impl Show {
             state
                 .dancer
                 .loose_pose_at(state.danced_at(&self.path, time), pose);
+            pose.root += state.glide;
         }
     }
 
@@ -477,6 +459,12 @@ impl Show {
             dancer: dancer as u32,
             node,
         })
+    }
+
+    /// Exchanges the scenes of the show with `scenes`, which must have the same names. The scene that
+    /// is on keeps what it has set; its labels change at once. Does not allocate.
+    pub fn set_scenes(&mut self, scenes: &mut Arc<scene::Scenes>) {
+        self.scenes.replace(scenes);
     }
 
     /// Returns the number of dancers in the show.

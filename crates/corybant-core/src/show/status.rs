@@ -3,6 +3,7 @@
 //! Allocates: never.
 
 use crate::beat::form::section::Form;
+use crate::cue::scene::SceneId;
 pub use crate::cue::schedule::{QUEUE_SHOWN_MAX, QueuedCue};
 use crate::dsp::sound_check::SoundCheck;
 use crate::graph::Attribute;
@@ -87,6 +88,10 @@ pub struct Status {
     /// addition to their own offsets. This is the value that was set; the value in use changes to
     /// it slowly.
     pub offset: f64,
+    /// The number of the scene that is on; `None` if none is on.
+    pub scene: Option<SceneId>,
+    /// The number of the scene that waits for its beat; `None` if none waits.
+    pub next_scene: Option<SceneId>,
     /// The waiting and running cues. First come the cues that were launched directly, the latest
     /// one first. Then come, in their order, the cues that were launched with the option *queue*
     /// and wait until all others have ended. Entries after the last cue are `None`.
@@ -149,6 +154,8 @@ impl Default for Status {
             held: false,
             panicked: false,
             offset: 0.0,
+            scene: None,
+            next_scene: None,
             queue: [None; QUEUE_SHOWN_MAX],
         }
     }
@@ -190,6 +197,7 @@ impl Show {
         let clip = slot.state.dancer.clip_at(beat.0);
         let committed_until = slot.state.dancer.committed_until();
         let lead = self.lead_status(slot, slot.graph().clips[clip as usize].attribute);
+        let (scene, next_scene) = self.scenes.shown();
         Status {
             time: self.now.0,
             beat: beat.0,
@@ -215,6 +223,8 @@ impl Show {
             held: lead.held,
             panicked: lead.panicked,
             offset: self.offset.wanted.0,
+            scene,
+            next_scene,
             queue: lead.queue,
         }
     }
@@ -244,7 +254,7 @@ impl Show {
                 Role::Follows(follower) => follower.shown(attribute),
             },
             queue: lead.queue(now, attribute),
-            ahead: lead.ahead(&leader.state, now + 1, &self.music),
+            ahead: lead.ahead(&leader.state, now + 1, (&self.music, &self.scenes)),
             held: lead.is_held(),
             panicked: lead.is_panicked(),
             intensity: lead.intensity(now),

@@ -36,6 +36,7 @@ mod graph_swap;
 mod live_motion;
 mod retarget_choice;
 mod same_everywhere;
+mod scenes;
 mod show;
 mod show_no_alloc;
 mod stall;

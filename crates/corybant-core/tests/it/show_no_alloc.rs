@@ -9,7 +9,7 @@ use std::sync::Arc;
 use assert_no_alloc::assert_no_alloc;
 use corybant_core::beat::tracker::BeatSource;
 use corybant_core::cue::launch::{Launch, Quantise};
-use corybant_core::cue::{Cue, DanceCommand, OutputCommand};
+use corybant_core::cue::{Cue, DanceCommand, OutputCommand, scene};
 use corybant_core::dance;
 use corybant_core::graph::build::build;
 use corybant_core::graph::{self, Graph};
@@ -45,6 +45,17 @@ fn mirrored() -> Arc<Graph> {
     )
 }
 
+/// Returns three scenes with `labels`, which change everything that a scene can change.
+fn scenes(labels: &[String]) -> Vec<scene::Settings> {
+    let texts = [
+        "name = \"a\"\nlabels = [\"LABEL\"]\nintensity = 0.2\noffset_ms = 20\nfade_beats = 4\nquantise = \"bar\"",
+        "name = \"b\"\navoid = [\"LABEL\"]\ndancers = [\"canon\"]\ntempo_source = \"tap\"",
+        "name = \"c\"\nlabels = [\"LABEL\"]\nintensity = \"music\"\ndancers = { lead = true }\nquantise = \"now\"",
+    ];
+    let named = texts.map(|text| text.replace("LABEL", &labels[0]));
+    named.map(|text| toml::from_str(&text).unwrap()).to_vec()
+}
+
 #[test]
 fn a_show_never_allocates_after_start() {
     let graph = mirrored();
@@ -70,6 +81,8 @@ fn a_show_never_allocates_after_start() {
             .collect(),
     )
     .unwrap();
+    let cast = cast.with_scenes(&scenes(&graph.labels));
+    let mut edited = cast.scenes().clone();
     let minding = plan::Settings {
         bar: 3.0,
         repetition: 1.0,
@@ -98,6 +111,7 @@ fn a_show_never_allocates_after_start() {
                 })),
                 650 if tick > 2000 => Some(Cue::Dance(DanceCommand::Panic)),
                 500 => Some(Cue::Tempo(TempoCommand::Tap)),
+                300 => Some(Cue::Scene(Some((tick / 700 % 3) as u16))),
                 600 => Some(Cue::Tempo(TempoCommand::Source(
                     [TempoSource::Osc, TempoSource::Tap, TempoSource::Audio]
                         [tick as usize / 700 % 3],
@@ -120,6 +134,7 @@ fn a_show_never_allocates_after_start() {
             };
             if tick == 15 * TICK_HZ {
                 show.replan(&mut replan);
+                show.set_scenes(&mut edited);
             }
             let cue = if tick == 15 * TICK_HZ {
                 Some(Cue::Output(OutputCommand::LookAhead(Seconds(0.1))))

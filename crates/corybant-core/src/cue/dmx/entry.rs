@@ -10,7 +10,7 @@ use super::CHANNELS;
 use crate::cue::control_text::{self, ControlAction, ControlTextError, MARK};
 use crate::cue::launch::{Launch, Mode, Quantise};
 use crate::cue::midi::BEATS_MAX;
-use crate::cue::{DEFAULT_BEATS, find_label};
+use crate::cue::{CueNames, DEFAULT_BEATS, find_label};
 use crate::text::did_you_mean;
 
 /// Number of levels in each band of an entry with `labels`. The first band begins at this level.
@@ -139,20 +139,20 @@ impl PatchEntry {
         bands.zip(self.labels.iter().map(String::as_str)).collect()
     }
 
-    /// Returns each band of the entry with its action. `labels` are the names of all labels of the
-    /// motion graph.
+    /// Returns each band of the entry with its action. `names` are the names of all labels and
+    /// scenes of the show.
     ///
     /// # Errors
     /// [`PatchError`] of the first label that cannot be used.
-    pub fn actions(&self, labels: &[String]) -> Result<Vec<(Band, ControlAction)>, PatchError> {
+    pub fn actions(&self, names: CueNames) -> Result<Vec<(Band, ControlAction)>, PatchError> {
         let bands = self.bands().into_iter();
-        let action = |(band, label)| Ok((band, self.action(label, labels)?));
+        let action = |(band, label)| Ok((band, self.action(label, names)?));
         bands.map(action).collect()
     }
 
-    fn action(&self, label: &str, labels: &[String]) -> Result<ControlAction, PatchError> {
-        let Some(found) = find_label(labels, label) else {
-            return self.command(label, labels);
+    fn action(&self, label: &str, names: CueNames) -> Result<ControlAction, PatchError> {
+        let Some(found) = find_label(names.labels, label) else {
+            return self.command(label, names);
         };
         let plain = Launch::new(found, self.beats.unwrap_or(DEFAULT_BEATS));
         let launch = Launch {
@@ -166,13 +166,13 @@ impl PatchEntry {
     }
 
     /// Returns the action of a label that is a command such as `!panic`.
-    fn command(&self, label: &str, labels: &[String]) -> Result<ControlAction, PatchError> {
+    fn command(&self, label: &str, names: CueNames) -> Result<ControlAction, PatchError> {
         let text = label.strip_prefix(MARK).ok_or_else(|| PatchError::Label {
             label: label.into(),
-            labels: labels.to_vec(),
+            labels: names.labels.to_vec(),
         })?;
         let label = label.to_owned();
-        match control_text::parse(text) {
+        match control_text::parse_for(text, names.scenes) {
             Ok(ControlAction::Take(_)) => Err(PatchError::Take { label }),
             Ok(action) => Ok(action),
             Err(source) => Err(PatchError::Command { label, source }),
@@ -361,7 +361,7 @@ mod tests {
                 ..PatchEntry::default()
             };
             entry
-                .actions(&labels)
+                .actions((&labels).into())
                 .map(|mut actions| actions.remove(0).1)
         };
         assert_eq!(

@@ -3,10 +3,10 @@
 
 use super::CHANNELS;
 use super::entry::{Band, PatchEntry, PatchError};
-use crate::cue::Cue;
 use crate::cue::control_text::ControlAction;
 use crate::cue::midi::map;
 use crate::cue::verbs::{Command, Value};
+use crate::cue::{Cue, CueNames};
 
 /// The value of a press, as the velocity of a MIDI note.
 const PRESSED: u8 = 127;
@@ -40,7 +40,7 @@ struct Fader {
 ///     labels: vec!["salsa".into(), "pop".into()],
 ///     ..PatchEntry::default()
 /// };
-/// let mut patch = DmxPatch::new(&[entry], &["salsa".into(), "pop".into()]).unwrap();
+/// let mut patch = DmxPatch::new(&[entry], (&["salsa".into(), "pop".into()]).into()).unwrap();
 /// let mut levels = [0; 512];
 /// levels[0] = 24;
 /// let mut sent = Vec::new();
@@ -55,12 +55,12 @@ pub struct DmxPatch {
 }
 
 impl DmxPatch {
-    /// Creates the patch with these `entries`; `labels[i]` is the name of label `i` of the show.
+    /// Creates the patch with these `entries`; `names` are the names of all labels and scenes of the show.
     /// Leaves out entries whose channel does not exist.
     ///
     /// # Errors
     /// [`PatchError`] of the first entry that cannot be used.
-    pub fn new(entries: &[PatchEntry], labels: &[String]) -> Result<Self, PatchError> {
+    pub fn new(entries: &[PatchEntry], names: CueNames) -> Result<Self, PatchError> {
         let mut patch = Self::default();
         for entry in entries {
             let Some(channel) = usize::from(entry.channel).checked_sub(1) else {
@@ -69,7 +69,7 @@ impl DmxPatch {
             if channel >= CHANNELS {
                 continue;
             }
-            for (band, action) in entry.actions(labels)? {
+            for (band, action) in entry.actions(names)? {
                 match action {
                     ControlAction::Button(cue) => patch.buttons.push(Button {
                         channel,
@@ -131,7 +131,7 @@ mod tests {
             patch: Vec<PatchEntry>,
         }
         let input: Input = toml::from_str(text).unwrap();
-        DmxPatch::new(&input.patch, &["salsa", "pop"].map(String::from)).unwrap()
+        DmxPatch::new(&input.patch, (&["salsa", "pop"].map(String::from)).into()).unwrap()
     }
 
     /// Sets channel `channel` to `level` and returns the cues.

@@ -4,12 +4,13 @@
 //!
 //! After a jump to another time, the cues between are not sent. Instead, the labels that would be
 //! danced there are launched for the rest of their lengths, the newest at once; labels that are in
-//! force only at the old time are cancelled.
+//! force only at the old time are cancelled. The last scene before the new time is recalled.
 
 use arrayvec::ArrayVec;
 
 use super::{CueList, LEAD_BEATS, When};
 use crate::cue::launch::{Launch, Mode, Quantise};
+use crate::cue::scene::SceneId;
 use crate::cue::{Cue, DanceCommand};
 
 /// The greatest number of labels in force; a dancer has no more cues either.
@@ -33,6 +34,8 @@ struct Effect {
     is_held: bool,
     is_panicked: bool,
     intensity: Option<f32>,
+    /// The scene that was recalled last; `None` if there was none, or if it was ended.
+    scene: Option<SceneId>,
 }
 
 impl Effect {
@@ -84,7 +87,14 @@ impl Effect {
                 .map(|it| it.cue)
                 .collect::<ArrayVec<_, IN_FORCE_MAX>>()
         };
-        let rest = |effect: &Self| (effect.is_held, effect.is_panicked, effect.intensity);
+        let rest = |effect: &Self| {
+            let Self {
+                is_held,
+                is_panicked,
+                ..
+            } = *effect;
+            (is_held, is_panicked, effect.intensity, effect.scene)
+        };
         cues(self) == cues(other) && rest(self) == rest(other)
     }
 }
@@ -143,6 +153,9 @@ impl CueList {
         for ((when, _), given) in self.entries.iter().zip(&mut self.given) {
             *given = matches!(*when, When::Time(at) if at <= time);
         }
+        if old.scene != new.scene {
+            send(Cue::Scene(new.scene));
+        }
         // The same labels have other rests at another place.
         if !old.is_same(&new) || !(is_reverse || new.launches.is_empty()) {
             change(&old, &new, is_reverse, &mut |command| send(command.into()));
@@ -153,13 +166,17 @@ impl CueList {
     fn effect_at(&self, time: f64, beats: &dyn Fn(f64, f64) -> f64) -> Effect {
         let mut effect = Effect::default();
         for (i, (when, cue)) in self.entries.iter().enumerate() {
-            let (When::Time(at), Cue::Dance(command)) = (*when, *cue) else {
+            let When::Time(at) = *when else {
                 continue;
             };
             if at > time {
                 break;
             }
-            effect.apply(i, command, beats(at, time));
+            match *cue {
+                Cue::Dance(command) => effect.apply(i, command, beats(at, time)),
+                Cue::Scene(scene) => effect.scene = scene,
+                Cue::Tempo(_) | Cue::TempoMessage(_) | Cue::Output(_) => {}
+            }
         }
         effect.launches.retain(|it| {
             let ends = matches!(it.launch.mode, Mode::Trigger | Mode::Gate);

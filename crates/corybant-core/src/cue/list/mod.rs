@@ -2,9 +2,10 @@
 //! its time or its beat. Thread: any.
 //!
 //! Each line has one cue: `TIME|@BEAT|on=SECTION  label  [beats=8] [mode=trigger|gate|toggle|repeat]
-//! [quantise=now|beat|bar|2bars|4bars|8bars|phrase] [velocity=0..1] [avoid]`. A number without a key after
-//! the label means `beats`. `#` starts a comment. `!panic`, `!hold`, `!release`, `!intensity 0.7`
-//! or `!intensity release` may stand in place of the label. A gate is held for its beats. The
+//! [quantise=now|beat|bar|2bars|4bars|8bars|phrase] [velocity=0..1] [avoid]`. A number without a
+//! key after the label means `beats`. `#` starts a comment. `!panic`, `!hold`, `!release`,
+//! `!intensity 0.7`, `!intensity release`, `!scene NAME` or `!scene_end` may stand in place of the
+//! label. A gate is held for its beats. The
 //! second toggle of a label ends the first one, and so does the second repeat.
 
 pub mod lead;
@@ -14,7 +15,7 @@ use thiserror::Error;
 
 use super::control_text::{self, MARK};
 use super::launch::{Launch, Mode};
-use super::{Cue, DanceCommand};
+use super::{Cue, CueNames, DanceCommand};
 use crate::beat::form::section::{Section, SectionStart};
 use crate::graph::LabelId;
 use crate::text::did_you_mean;
@@ -81,16 +82,21 @@ pub struct CueList {
 }
 
 impl CueList {
-    /// Parses the text of a cue list; `labels` are the names of all labels of the motion graph.
+    /// Parses the text of a cue list; `names` are the labels of the motion graph and the scenes of
+    /// the show.
     ///
     /// # Errors
     /// One error for each line that cannot be parsed or has an unknown label.
-    pub fn parse(text: &str, labels: &[String]) -> Result<Self, Vec<CueListError>> {
+    pub fn parse<'a>(
+        text: &str,
+        names: impl Into<CueNames<'a>>,
+    ) -> Result<Self, Vec<CueListError>> {
+        let names = names.into();
         let (mut entries, mut lines) = (Vec::new(), Vec::new());
         let mut errors = Vec::new();
         for (i, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
             let line_of = line.split('#').next().unwrap_or_default();
-            match read_line(line_of, labels) {
+            match read_line(line_of, names) {
                 Ok(Some(entry)) => {
                     entries.push(entry);
                     lines.push(i + 1);
@@ -215,12 +221,16 @@ fn is_over(cue: &Cue, beats: f64) -> bool {
 }
 
 /// Parses one line of a cue list, whose `#` comment is already removed; `None` for an empty line.
-/// `labels` are the names of all labels. In a cue list, the second `repeat` cue of a label ends the
+/// `names` are the labels and scenes of the show. In a cue list, the second `repeat` cue of a label ends the
 /// first; this function does not do that, but returns each `repeat` line as a `repeat` cue.
 ///
 /// # Errors
 /// A description of the problem in the line.
-pub fn read_line(line: &str, labels: &[String]) -> Result<Option<(When, Cue)>, String> {
+pub fn read_line<'a>(
+    line: &str,
+    names: impl Into<CueNames<'a>>,
+) -> Result<Option<(When, Cue)>, String> {
+    let CueNames { labels, scenes } = names.into();
     let line = line.trim();
     let Some((when, rest)) = line.split_once(char::is_whitespace) else {
         return if line.is_empty() {
@@ -234,7 +244,8 @@ pub fn read_line(line: &str, labels: &[String]) -> Result<Option<(When, Cue)>, S
     let when = parse_when(when)?;
     let rest = rest.trim();
     if let Some(command) = rest.strip_prefix(MARK) {
-        let cue = control_text::parse_in_list(command).map_err(|error| error.to_string())?;
+        let cue =
+            control_text::parse_in_list(command, scenes).map_err(|error| error.to_string())?;
         return Ok(Some((when, cue)));
     }
     // A label may contain spaces, so the longest label at the start of the text is used.

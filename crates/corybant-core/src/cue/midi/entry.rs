@@ -10,7 +10,7 @@ use thiserror::Error;
 use crate::cue::control_text::{self, ControlAction, ControlTextError, MARK};
 use crate::cue::launch::{Launch, Mode, Quantise};
 use crate::cue::take::{TakeRefusal, TakeRequest};
-use crate::cue::{DEFAULT_BEATS, find_label};
+use crate::cue::{CueNames, DEFAULT_BEATS, find_label};
 use crate::text::did_you_mean;
 
 /// The greatest number of beats of a cue that a MIDI map may set.
@@ -173,18 +173,19 @@ impl MapEntry {
         }
     }
 
-    /// Returns the action of the control of this entry: a cue, or setting the intensity. `labels`
-    /// are the names of all labels of the motion graph.
+    /// Returns the action of the control of this entry: a cue, or setting the intensity. `names` are
+    /// the labels of the motion graph and the scenes of the show.
     ///
     /// # Errors
     /// [`MapError::Label`] if the graph does not have the label, [`MapError::Command`] if the text
     /// after `!` is not a command.
-    pub fn action(&self, labels: &[String]) -> Result<ControlAction, MapError> {
+    pub fn action<'a>(&self, names: impl Into<CueNames<'a>>) -> Result<ControlAction, MapError> {
+        let names = names.into();
         if self.record {
             return self.take();
         }
-        let Some(label) = find_label(labels, &self.label) else {
-            return self.command(labels);
+        let Some(label) = find_label(names.labels, &self.label) else {
+            return self.command(names);
         };
         let plain = Launch::new(label, self.beats.unwrap_or(DEFAULT_BEATS));
         let intensity = self.velocity_as_intensity.then_some(1.0);
@@ -217,16 +218,16 @@ impl MapEntry {
             .map_or_else(|| "a control".into(), |control| control.to_string())
     }
 
-    /// Returns the action of an entry whose text `label` is a command such as `!panic`. `labels`,
-    /// the labels of the graph, are listed in the error if the text does not begin with `!`.
-    fn command(&self, labels: &[String]) -> Result<ControlAction, MapError> {
+    /// Returns the action of an entry whose text `label` is a command such as `!panic`. The labels
+    /// in `names` are listed in the error if the text does not begin with `!`.
+    fn command(&self, names: CueNames) -> Result<ControlAction, MapError> {
         let missing = || MapError::Label {
             control: self.control_text(),
             label: self.label.clone(),
-            labels: labels.to_vec(),
+            labels: names.labels.to_vec(),
         };
         let text = self.label.strip_prefix(MARK).ok_or_else(missing)?;
-        control_text::parse(text).map_err(|source| MapError::Command {
+        control_text::parse_for(text, names.scenes).map_err(|source| MapError::Command {
             control: self.control_text(),
             label: self.label.clone(),
             source,
@@ -309,14 +310,14 @@ mod tests {
         };
         let toggle = TakeRequest::toggle("mine", Some(16)).unwrap();
         assert_eq!(
-            record.action(&[]),
+            record.action(CueNames::default()),
             Ok(ControlAction::Take(Arc::new(toggle)))
         );
         let refused = MapEntry {
             beats: Some(300),
             ..record.clone()
         };
-        let why = refused.action(&[]).unwrap_err().to_string();
+        let why = refused.action(CueNames::default()).unwrap_err().to_string();
         assert!(
             why.starts_with("midi.map: note 36 records: a take of 300"),
             "{why}"
@@ -370,7 +371,10 @@ mod tests {
             wrong("!bpm"),
             "midi.map: note 36 asks for \"!bpm\": `bpm` takes a number from 20 to 400 (beats per minute)"
         );
-        assert!(wrong("!triple").contains("unknown command `triple`; allowed are panic"));
+        assert!(
+            wrong("!triple")
+                .contains("unknown command `triple`; allowed are scene SCENE, scene_end, panic")
+        );
         assert_eq!(
             note(36, None, "!intensity").action(&labels).unwrap(),
             ControlAction::Fader(Command::Intensity)

@@ -8,7 +8,7 @@ use super::message::Message;
 use crate::cue::control_text::ControlAction;
 use crate::cue::take::TakeRequest;
 use crate::cue::verbs::Value;
-use crate::cue::{Cue, DanceCommand, Launch};
+use crate::cue::{Cue, CueNames, DanceCommand, Launch};
 
 /// The least value of a MIDI control change at which its button is pressed. At a smaller value, the
 /// button is released.
@@ -93,7 +93,8 @@ struct Mapping {
 ///     label: "salsa".into(),
 ///     ..MapEntry::default()
 /// };
-/// let mut map = MidiMap::new(&[entry.of(Control::Note(36), None)], &["salsa".into()]).unwrap();
+/// let labels = ["salsa".to_owned()];
+/// let mut map = MidiMap::new(&[entry.of(Control::Note(36), None)], &labels).unwrap();
 /// let change = ControlChange::of(message::parse(&[0x90, 36, 100]).unwrap()).unwrap();
 /// let launch = MidiRequest::Cue(Cue::from(Launch::plain(0)));
 /// map.apply(change, &mut |request| assert_eq!(request, launch));
@@ -105,17 +106,18 @@ pub struct MidiMap {
 }
 
 impl MidiMap {
-    /// Creates the MIDI map of a device from its `entries`; `labels[i]` is the name of label `i` of
-    /// the motion graph. Skips an entry that has no valid control.
+    /// Creates the MIDI map of a device from its `entries`; `names` are the labels of the motion
+    /// graph and the scenes of the show. Skips an entry that has no valid control.
     ///
     /// # Errors
     /// The errors of [`MapEntry::action`].
-    pub fn new(entries: &[MapEntry], labels: &[String]) -> Result<Self, MapError> {
+    pub fn new<'a>(entries: &[MapEntry], names: impl Into<CueNames<'a>>) -> Result<Self, MapError> {
+        let names = names.into();
         let mapping = |(entry, control): (&MapEntry, Control)| {
             Ok(Mapping {
                 control,
                 channel: entry.channel,
-                action: entry.action(labels)?,
+                action: entry.action(names)?,
                 pressed: 0,
             })
         };
@@ -197,7 +199,7 @@ pub(in crate::cue) fn button(cue: Cue, velocity: u8) -> Option<Cue> {
                 ..launch
             }))
         }
-        Cue::Dance(_) | Cue::Tempo(_) | Cue::TempoMessage(_) | Cue::Output(_) => {
+        Cue::Dance(_) | Cue::Tempo(_) | Cue::TempoMessage(_) | Cue::Output(_) | Cue::Scene(_) => {
             (velocity > 0).then_some(cue)
         }
     }

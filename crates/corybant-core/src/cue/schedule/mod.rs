@@ -187,8 +187,7 @@ impl Schedule {
             }
             DanceCommand::Cancel { label } => self.remove(label),
             DanceCommand::Panic => {
-                self.cues.clear();
-                self.queue.clear();
+                self.clear();
                 self.panicked = true;
             }
             DanceCommand::Release => self.panicked = false,
@@ -202,6 +201,29 @@ impl Schedule {
             DanceCommand::Hold(_) | DanceCommand::Follow(_) => {}
         }
         Applied::default()
+    }
+
+    /// Removes all cues.
+    pub fn clear(&mut self) {
+        self.cues.clear();
+        self.queue.clear();
+    }
+
+    /// Returns the intensity that a performer or a scene has set; `None` to use the energy of the
+    /// music.
+    pub fn set_intensity(&self) -> Option<f32> {
+        self.intensity
+    }
+
+    /// Returns true if a cue wants a label on the beat with the number `beat`.
+    pub fn wants_label(&self, beat: i64) -> bool {
+        self.in_force(beat, beat, &|_| REACH_BEATS_MAX).is_some()
+    }
+
+    /// Returns true if there is a waiting or running cue that wants `label`.
+    pub fn has_cue(&self, label: LabelId) -> bool {
+        let mut cues = self.cues.iter().chain(&self.queue);
+        cues.any(|entry| entry.launch.label == label && !entry.launch.avoid)
     }
 
     /// Replaces the label of each cue by the result of `new_label`, for a dancer that changes to

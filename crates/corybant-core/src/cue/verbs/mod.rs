@@ -13,6 +13,7 @@ mod table;
 use std::fmt;
 
 use super::launch::Launch;
+use super::scene::SceneId;
 use super::tempo_limits::{BPM_ALLOWED, NUDGE_MS_MAX};
 use super::{Cue, DanceCommand, OFFSET_MS_MAX, OutputCommand};
 use crate::graph::LabelId;
@@ -28,6 +29,9 @@ pub const TIMECODE_TAKES: &str =
 
 /// The placeholder for the name of a label in the OSC addresses and texts of the command table.
 pub const LABEL: &str = "LABEL";
+
+/// The placeholder for the name of a scene in the OSC addresses and texts of the command table.
+pub const SCENE: &str = "SCENE";
 
 /// One command that a performer can send, with its form in OSC, in MIDI maps and cue lists, and on
 /// the web page.
@@ -140,6 +144,8 @@ pub enum Readout {
     /// State of the pad (button) of this label: 1 while the label is danced because of a cue, 0.5
     /// while a cue for the label exists but is not danced, otherwise 0.
     Pad(LabelId),
+    /// State of this scene: 1 while it is on, 0.5 while it waits for its beat, otherwise 0.
+    Scene(SceneId),
     /// State of the pad (button) of this label as an integer for lamps: 2 while the label is danced
     /// because of a cue, 1 while a cue for the label exists but is not danced, otherwise 0.
     Lamp(LabelId),
@@ -266,9 +272,27 @@ impl Command {
             other => other,
         }
     }
+
+    /// Returns this command with `scene` as its scene. A command that belongs to no scene is
+    /// returned unchanged.
+    pub fn with_scene(self, scene: SceneId) -> Self {
+        match self {
+            Self::Button(Cue::Scene(Some(_))) => Self::Button(Cue::Scene(Some(scene))),
+            other => other,
+        }
+    }
 }
 
 impl Readout {
+    /// Returns this value with `scene` as its scene. A value that belongs to no scene is returned
+    /// unchanged.
+    pub fn with_scene(self, scene: SceneId) -> Self {
+        match self {
+            Self::Scene(_) => Self::Scene(scene),
+            other => other,
+        }
+    }
+
     /// Returns this value with `label` as its label. A value that belongs to no label is returned
     /// unchanged.
     pub fn with_label(self, label: LabelId) -> Self {

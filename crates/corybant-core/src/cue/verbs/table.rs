@@ -98,7 +98,7 @@ const fn source(
 /// of the OSC addresses are reported: first, label by label, the values of the commands for a
 /// label, then the values of the other commands.
 #[rustfmt::skip]
-pub const VERBS: [Verb; 44] = [
+pub const VERBS: [Verb; 46] = [
     launch("/cue/LABEL", PLAIN,
         "LABEL", r#"{"cue":"LABEL"}"#, "dance LABEL for 8 beats"),
     launch("/cue/LABEL/trigger", PLAIN,
@@ -131,6 +131,11 @@ pub const VERBS: [Verb; 44] = [
         "", r#"{"cancel":"LABEL"}"#, "remove all cues for LABEL"),
     Verb { address: None, command: dance(DanceCommand::Lift { label: 0 }), readout: None,
         text: "", message: r#"{"lift":"LABEL"}"#, help: "release the pad of LABEL (OSC: 0 to the address that was pressed)" },
+
+    reporting(verb("/scene/SCENE", Command::Button(Cue::Scene(Some(0))),
+        "!scene SCENE", r#"{"scene":"SCENE"}"#, "recall the scene SCENE"), Readout::Scene(0)),
+    verb("/scene_end", Command::Button(Cue::Scene(None)),
+        "!scene_end", r#"{"scene_end":true}"#, "end the labels of the scene; all dancers dance again"),
 
     verb("/panic", dance(DanceCommand::Panic),
         "!panic", r#"{"panic":true}"#, "ease into idle at once"),

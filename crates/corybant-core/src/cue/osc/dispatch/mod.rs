@@ -6,7 +6,7 @@ use super::pattern::{Pattern, is_pattern};
 use crate::cue::launch::Launch;
 use crate::cue::namespace::{CUE_PREFIX, Namespace};
 use crate::cue::verbs::{Argument, Command, Value};
-use crate::cue::{Cue, DanceCommand};
+use crate::cue::{Cue, CueNames, DanceCommand};
 
 /// The greatest length of an OSC address in bytes; a message with a longer one is rejected.
 pub const ADDRESS_MAX: usize = 256;
@@ -68,8 +68,13 @@ impl OscMap {
     /// Creates a converter with the OSC addresses for `labels`; `labels[i]` is the name of label
     /// `i` of the motion graph.
     pub fn new(labels: &[String]) -> Self {
+        Self::of(labels.into())
+    }
+
+    /// Creates a converter with the OSC addresses for the labels and scenes in `names`.
+    pub fn of(names: CueNames) -> Self {
         Self {
-            namespace: Namespace::new(labels),
+            namespace: Namespace::of(names),
             velocity_as_intensity: false,
         }
     }
@@ -176,7 +181,7 @@ impl OscMap {
             }
             (_, Some(_)) => Some(cue),
             (Cue::Dance(command), None) => command.on_release().map(Cue::Dance),
-            (Cue::Tempo(_) | Cue::TempoMessage(_) | Cue::Output(_), None) => None,
+            (Cue::Tempo(_) | Cue::TempoMessage(_) | Cue::Output(_) | Cue::Scene(_), None) => None,
         }
     }
 }

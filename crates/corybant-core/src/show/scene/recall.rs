@@ -1,0 +1,118 @@
+//! The effect of a scene on the show. In: cues, the beat. Out: changed intensity, offset, dancers and
+//! tempo source. Thread: show. Allocates: never.
+
+use crate::cue::scene::Intensity;
+use crate::cue::{Cue, DanceCommand, OutputCommand};
+use crate::show::dancer_slot::{DancerSlot, Role};
+use crate::show::{Event, Show};
+use crate::tempo::source::TempoSource;
+use crate::time::{Beats, Seconds};
+
+impl Show {
+    /// Applies the cues for scenes in `cues`, begins the waiting scene if its beat has come, and
+    /// moves the values that fade. `head` is the latest show time for which an output requests a
+    /// pose.
+    pub(in crate::show) fn tick_scenes(&mut self, head: Seconds, cues: &[Cue]) {
+        let Beats(beat) = self.path.beat_at(self.now);
+        let metre = self.music.metre();
+        let free = self.first_free_beat(head);
+        let mut begins = self.scenes.advance(beat, metre, free);
+        for &cue in cues {
+            match cue {
+                Cue::Scene(Some(scene)) => {
+                    begins = self.scenes.recall(scene, free);
+                    self.end_panic();
+                }
+                Cue::Scene(None) => self.scenes.end(),
+                Cue::Dance(DanceCommand::Panic) => self.scenes.drop_waiting(),
+                // What a performer sets by hand ends the fade of a scene.
+                Cue::Dance(DanceCommand::Intensity(_)) => self.scenes.intensity = None,
+                Cue::Output(OutputCommand::Offset(_)) => self.scenes.offset = None,
+                Cue::Dance(_) | Cue::Tempo(_) | Cue::TempoMessage(_) | Cue::Output(_) => {}
+            }
+        }
+        if begins {
+            self.begin_scene();
+        }
+        self.fade();
+        let passed = self.scenes.passed;
+        let slots = &mut self.slots;
+        self.scenes
+            .places
+            .advance(passed, |dancer, (home, radius)| {
+                slots[dancer].state.set_place(home, radius);
+            });
+    }
+
+    /// Returns the tempo source that a scene has selected since the last call.
+    pub(in crate::show) fn take_source_of_scene(&mut self) -> Option<TempoSource> {
+        self.scenes.source.take()
+    }
+
+    /// Returns the number of the first beat that no lead dancer has committed, at least that of the
+    /// show time `head`.
+    fn first_free_beat(&self, head: Seconds) -> i64 {
+        let Beats(next) = self.path.beat_at(head);
+        let leads = self.slots.iter().filter(|slot| slot.lead().is_some());
+        let committed = leads.map(|slot| slot.state.dancer.committed_until());
+        committed.fold(next.ceil(), f64::max) as i64
+    }
+
+    fn begin_scene(&mut self) {
+        let music = f64::from(self.music.energy);
+        let intensity = self.set_intensity().map_or(music, f64::from);
+        let Some(id) = self.scenes.begin(intensity, self.offset.wanted.0) else {
+            return;
+        };
+        self.events.push(Event::Scene(id));
+        let scenes = self.scenes.all().clone();
+        if let Some(scene) = scenes.get(id) {
+            let place = |dancer: usize| self.slots[dancer].state.place();
+            self.scenes.places.begin(scene, place);
+        }
+        for (number, DancerSlot { role, .. }) in self.slots.iter_mut().enumerate() {
+            if let Role::Leads(lead) = role
+                && !self.scenes.dances(number, self.scenes.beat as i64)
+            {
+                lead.drop_cues();
+            }
+        }
+    }
+
+    /// Returns the intensity that a command has set; `None` if the music sets it.
+    fn set_intensity(&self) -> Option<f32> {
+        let lead = self.slots.iter().find_map(DancerSlot::lead)?;
+        lead.schedule.set_intensity()
+    }
+
+    /// Moves the values that fade towards those of the scenes that set them.
+    fn fade(&mut self) {
+        if let Some((fade, to)) = self.scenes.intensity {
+            let value = match to {
+                Intensity::Music if fade.is_over() => None,
+                Intensity::Music => Some(fade.value(self.music.energy.into()) as f32),
+                Intensity::Fixed(to) => Some(fade.value(to.into()) as f32),
+            };
+            self.apply_to_schedules(DanceCommand::Intensity(value));
+            self.scenes.intensity = Some((fade, to)).filter(|(fade, _)| !fade.is_over());
+        }
+        if let Some((fade, to)) = self.scenes.offset {
+            self.apply_to_outputs(OutputCommand::Offset(Seconds(fade.value(to.0))));
+            self.scenes.offset = Some((fade, to)).filter(|(fade, _)| !fade.is_over());
+        }
+    }
+
+    /// Ends a panic of all dancers.
+    fn end_panic(&mut self) {
+        self.apply_to_schedules(DanceCommand::Release);
+    }
+
+    /// Applies a command that belongs to no label to the cues of all lead dancers.
+    fn apply_to_schedules(&mut self, command: DanceCommand) {
+        for DancerSlot { role, .. } in &mut self.slots {
+            if let Role::Leads(lead) = role {
+                lead.schedule.apply(command, 0);
+            }
+        }
+    }
+}
