@@ -420,13 +420,16 @@ fn supervise(
     service.stopping();
 }
 
-/// Closes the listeners, then logs the summary of the show and the delays of MIDI cues.
+/// Closes the listeners, then logs the summary of the show and the delays of MIDI and DMX cues.
 fn log_end(summary: &ShowSummary, listeners: Listeners) {
     let led_delays = listeners.led_delays();
     drop(listeners);
     info!("the show has ended: {summary}");
     if summary.cue_delays.count > 0 {
-        info!("MIDI cues taken into the plan: {}", summary.cue_delays);
+        info!(
+            "MIDI and DMX cues taken into the plan: {}",
+            summary.cue_delays
+        );
         info!("MIDI cues shown by lamps: {led_delays}");
     }
 }

@@ -184,7 +184,7 @@ fn learnt_pads_are_saved_and_work_at_once() {
                 .find_map(|line| Some(line.split_once(beginning)?.1.to_owned()))
         };
         for beginning in [
-            "MIDI cues taken into the plan: ",
+            "MIDI and DMX cues taken into the plan: ",
             "MIDI cues shown by lamps: ",
         ] {
             let said =
