@@ -10,7 +10,7 @@ use crate::web::avatar::Avatar;
 use corybant_core::show::ShowError;
 use corybant_files::shown;
 
-use super::inputs::{find_cast, folder_of, read_text};
+use super::inputs::{find_cast, folder_of, load_songs, read_text};
 use super::{Outcome, print};
 
 /// Arguments of `corybant check`.
@@ -71,7 +71,7 @@ pub(super) fn examine(show: &Path) -> Result<Findings, Box<dyn Error>> {
             .lines()
             .any(|line| line.trim_start().starts_with("[graph]"));
         if problems.is_empty() || !named || !config.graph.file.as_os_str().is_empty() {
-            check_graph(show, config, &mut problems);
+            check_graph(show, (config, &text), &mut problems);
         }
     }
     Ok(Findings {
@@ -124,11 +124,19 @@ fn check_avatars(name: &str, config: &Config, problems: &mut Vec<String>) {
 }
 
 /// Adds a problem to `problems` if a graph that the show file `show` names cannot be used. Also
-/// adds one for each label that the show file names but no graph has.
-fn check_graph(show: &Path, config: &Config, problems: &mut Vec<String>) {
+/// adds one for each label that the show file names but no graph has, and for each song that names
+/// something that does not exist. `config` are the settings, and `text` is the text of the file.
+fn check_graph(show: &Path, (config, text): (&Config, &str), problems: &mut Vec<String>) {
     let name = shown(show);
     match find_cast(None, Some(show), config) {
         Ok(cast) => {
+            let cast = match load_songs(Some(show), (config, text), &cast) {
+                Ok((_, cast)) => cast,
+                Err(error) => {
+                    problems.extend(error.problems);
+                    cast
+                }
+            };
             let mut missing = Vec::new();
             config.check_labels(cast.pads(), &mut missing);
             problems.extend(

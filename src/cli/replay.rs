@@ -192,7 +192,8 @@ fn recorded_cast(
     for (settings, danced) in config.dancer.iter().zip(&head.graphs) {
         dancers.push((settings.clone(), graphs.find(danced)?));
     }
-    Ok(Cast::new(dancers)?)
+    let cast = Cast::new(dancers)?;
+    Ok(cast.with_pads(&head.pads))
 }
 
 /// Returns the graph of each change to another graph during the recorded show.

@@ -3,11 +3,15 @@
 
 pub mod changes;
 pub mod graphs;
+mod lines;
+pub mod song;
 
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
+
+pub(crate) use lines::located;
 
 use crate::osc::input::own_address::{is_received, local_addresses};
 use crate::osc::{input, motion_in, output};
@@ -47,6 +51,8 @@ pub struct Config {
     pub plan: plan::Settings,
     /// `[[dancer]]`: the dancers, at least one.
     pub dancer: Vec<dance::Settings>,
+    /// `[[song]]`: the set list.
+    pub song: Vec<song::Settings>,
     /// `[[output]]`: the outputs, which send poses to other programs.
     pub output: Vec<output::Settings>,
     /// `[[motion_in]]`: the inputs of live performers' poses.
@@ -71,6 +77,7 @@ impl Default for Config {
             graph: Default::default(),
             plan: Default::default(),
             dancer: vec![Default::default()],
+            song: Vec::new(),
             output: vec![Default::default()],
             motion_in: Vec::new(),
             osc: Default::default(),
@@ -84,24 +91,6 @@ impl Default for Config {
 /// Returns true if the show file names the file `path`.
 fn is_set(path: &Path) -> bool {
     !path.as_os_str().is_empty()
-}
-
-/// If the problem `sentence` quotes a receiver in `osc.feedback`, returns the number (from 1) of
-/// the line of the show file `text` that contains this receiver. Returns `None` for other problems.
-fn feedback_line(text: &str, sentence: &str) -> Option<usize> {
-    #[derive(Deserialize)]
-    struct Show {
-        osc: Osc,
-    }
-    #[derive(Deserialize)]
-    struct Osc {
-        feedback: Vec<toml::Spanned<String>>,
-    }
-    let about = sentence.strip_prefix("osc.feedback holds ")?;
-    let show: Show = toml::from_str(text).ok()?;
-    let is_meant = |to: &&toml::Spanned<String>| about.starts_with(&format!("{:?}", to.get_ref()));
-    let at = show.osc.feedback.iter().find(is_meant)?.span().start;
-    Some(text.get(..at)?.matches('\n').count() + 1)
 }
 
 /// Error of a show file that cannot be used, with all its problems.
@@ -135,12 +124,11 @@ impl Config {
         if let Some(config) = &config {
             config.check(&mut sentences);
         }
-        problems.extend(sentences.into_iter().map(|sentence| {
-            match feedback_line(text, &sentence) {
-                Some(line) => format!("{name}:{line}: {sentence}"),
-                None => format!("{name}: {sentence}"),
-            }
-        }));
+        problems.extend(
+            sentences
+                .iter()
+                .map(|sentence| lines::located(name, text, sentence)),
+        );
         (config, problems)
     }
 
@@ -152,6 +140,7 @@ impl Config {
         self.check_timecode(problems);
         self.plan.check("plan", problems);
         self.check_dancers(problems);
+        song::check(&self.song, &self.timecode.source, problems);
         let local = local_addresses();
         for (i, output) in self.output.iter().enumerate() {
             let key = format!("output {}", i + 1);

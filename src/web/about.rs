@@ -43,6 +43,8 @@ pub struct About {
     pub has_setup: bool,
     /// True if the page can record takes.
     pub has_takes: bool,
+    /// Title of each song of the set list, in order.
+    pub songs: Vec<String>,
 }
 
 /// Static data of one dancer.
@@ -81,6 +83,7 @@ impl Served {
                 dancers: about.dancers.iter().map(|it| it.name.clone()).collect(),
                 labels: about.labels.clone(),
                 clips: about.clips.clone(),
+                songs: about.songs.clone(),
                 sources: about.sources.iter().map(TempoSource::name).collect(),
             }),
         }
@@ -138,6 +141,7 @@ struct Hello<'a> {
     sources: Vec<&'static str>,
     setup: bool,
     takes: bool,
+    songs: &'a [String],
 }
 
 #[derive(Serialize)]
@@ -188,7 +192,7 @@ impl About {
     /// `{"type":"hello","dancers":[{"name":name,"home":[x,z],"avatar":path|null,"joints":[name,…],
     /// "parents":[index|null,…],"offsets":[[x,y,z],…],"ends":[[[x,y,z],…],…],
     /// "bones":[[name,joint,[x,y,z,w]],…]},…],"labels":[name,…],"clips":[name,…],
-    /// "sources":["audio",…],"setup":false,"takes":false}`.
+    /// "sources":["audio",…],"setup":false,"takes":false,"songs":[title,…]}`.
     /// Lengths are in metres. `avatar` is the path of a VRM file on this server. `body.rs` describes
     /// the rest of a dancer.
     pub fn to_json(&self) -> String {
@@ -208,6 +212,7 @@ impl About {
             sources: self.sources.iter().map(TempoSource::name).collect(),
             setup: self.has_setup,
             takes: self.has_takes,
+            songs: &self.songs,
         };
         serde_json::to_string(&hello).unwrap_or_default()
     }

@@ -14,7 +14,8 @@ use crate::audio::file::has_music_ending;
 use crate::audio::input::FILE_PREFIX;
 use crate::cli::Outcome;
 use crate::config::graphs::read_graph;
-use crate::config::{Config, ConfigError};
+use crate::config::song::{LoadedSongs, load};
+use crate::config::{Config, ConfigError, located};
 use corybant_core::beat::BeatError;
 use corybant_core::cue::list::CueList;
 use corybant_core::graph::Graph;
@@ -84,6 +85,27 @@ pub(in crate::cli) fn find_cast(
         dancers.push((dancer.clone(), graph));
     }
     Ok(Cast::new(dancers)?)
+}
+
+/// Reads what the songs of the show file `show` name. `config` are its settings, `text` is its text,
+/// and `cast` are its dancers. Returns the songs, and the cast with the pads of all their graphs.
+///
+/// # Errors
+/// [`ConfigError`] with one problem for each file or label that does not exist.
+pub(in crate::cli) fn load_songs(
+    show: Option<&Path>,
+    (config, text): (&Config, &str),
+    cast: &Cast,
+) -> Result<(LoadedSongs, Cast), ConfigError> {
+    let (name, folder) = show.map_or((String::new(), Path::new("")), |show| {
+        (shown(show), folder_of(show))
+    });
+    load(config, folder, cast).map_err(|sentences| ConfigError {
+        problems: sentences
+            .iter()
+            .map(|sentence| located(&name, text, sentence))
+            .collect(),
+    })
 }
 
 /// Returns the path of each dancer's graph file; see [`Config::graph_files`]. `show` is the path of

@@ -54,6 +54,8 @@ pub(super) struct ApiNames {
     pub labels: Vec<String>,
     /// Name of each clip of the first dancer, indexed by clip number.
     pub clips: Vec<String>,
+    /// Title of each song of the set list.
+    pub songs: Vec<String>,
     /// Tempo sources that a client can select.
     pub sources: Vec<&'static str>,
 }
@@ -105,6 +107,7 @@ async fn about(State(api): State<Arc<Api>>, Extension(right): Extension<Right>) 
         "dancers": names.dancers,
         "labels": names.labels,
         "clips": names.clips,
+        "songs": names.songs,
         "sources": names.sources,
         "requests": message::requests().map(|request| json!({
             "post": request.path,

@@ -13,6 +13,7 @@
 //! | `midi` | MIDI messages → cues, by a map |
 //! | `launch`, `schedule` | how a label is launched, and which label is wanted on each beat |
 //! | `list`, `recorder` | cue lists: reading and writing them |
+//! | `set` | set lists: songs with their cue lists, played one after the other |
 //! | `take` | requests to record a live performer |
 //! | `labels` | label names in OSC addresses |
 
@@ -25,6 +26,7 @@ pub mod namespace;
 pub mod osc;
 pub mod recorder;
 pub mod schedule;
+pub mod set;
 pub mod take;
 pub mod tempo_limits;
 pub mod verb_docs;
@@ -37,6 +39,7 @@ use crate::graph::{LabelId, NodeId};
 use crate::tempo::command::TempoCommand;
 use crate::tempo::source::TimestampedMessage;
 use crate::time::Seconds;
+use set::SetCommand;
 
 pub use labels::{find_label, osc_name, osc_names};
 pub use launch::Launch;
@@ -73,6 +76,9 @@ pub enum Cue {
     TempoMessage(TimestampedMessage),
     /// A command to the outputs (the senders of poses), such as a change of their common offset.
     Output(OutputCommand),
+    /// A command to the set list, such as GO. The program that has the set list does it; a show by
+    /// itself does nothing.
+    Set(SetCommand),
 }
 
 /// A command to the dancers, such as to dance a label or to return to idle.
@@ -153,6 +159,12 @@ impl From<TimestampedMessage> for Cue {
 impl From<OutputCommand> for Cue {
     fn from(command: OutputCommand) -> Self {
         Self::Output(command)
+    }
+}
+
+impl From<SetCommand> for Cue {
+    fn from(command: SetCommand) -> Self {
+        Self::Set(command)
     }
 }
 

@@ -88,6 +88,7 @@ impl Recorder {
             Cue::Dance(DanceCommand::Follow(_)) => Some(format!("{when} !follow")),
             Cue::Tempo(_)
             | Cue::TempoMessage(_)
+            | Cue::Set(_)
             | Cue::Output(OutputCommand::Offset(_))
             | Cue::Output(OutputCommand::LookAhead(_) | OutputCommand::Performer(_)) => None,
         }

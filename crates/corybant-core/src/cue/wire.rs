@@ -8,6 +8,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::launch::Launch;
+use super::set::SetCommand;
 use super::{Cue, DanceCommand, OutputCommand, Place};
 use crate::graph::LabelId;
 use crate::tempo::command::TempoCommand;
@@ -31,6 +32,7 @@ pub(super) enum WireCue {
     Intensity(Option<f32>),
     Performer(f32),
     Follow(Option<Place>),
+    Set(SetCommand),
 }
 
 impl From<Cue> for WireCue {
@@ -49,6 +51,7 @@ impl From<Cue> for WireCue {
             Cue::Output(OutputCommand::Offset(offset)) => Self::Offset(offset),
             Cue::Output(OutputCommand::LookAhead(ahead)) => Self::LookAhead(ahead),
             Cue::Output(OutputCommand::Performer(weight)) => Self::Performer(weight),
+            Cue::Set(command) => Self::Set(command),
         }
     }
 }
@@ -69,6 +72,7 @@ impl From<WireCue> for Cue {
             WireCue::LookAhead(ahead) => OutputCommand::LookAhead(ahead).into(),
             WireCue::Performer(weight) => OutputCommand::Performer(weight).into(),
             WireCue::Follow(place) => DanceCommand::Follow(place).into(),
+            WireCue::Set(command) => command.into(),
         }
     }
 }
@@ -76,6 +80,7 @@ impl From<WireCue> for Cue {
 #[cfg(test)]
 mod tests {
     use super::super::launch::{Mode, Quantise};
+    use super::super::set::SongRef;
     use super::*;
     use crate::tempo::source::{TempoMessage, TempoSource};
     use crate::time::Bpm;
@@ -98,7 +103,7 @@ mod tests {
             message: TempoMessage::Position(3),
         };
         let with = |head: &[u8], tail: &[u8]| [head, tail].concat();
-        let cues: [(Cue, Vec<u8>); 16] = [
+        let cues: [(Cue, Vec<u8>); 20] = [
             (
                 gate.into(),
                 vec![0, 0xac, 2, 9, 1, 3, 1, 4, 1, 0, 0, 0, 0x3f, 1, 0],
@@ -136,6 +141,16 @@ mod tests {
                 }))
                 .into(),
                 vec![12, 1, 1, 0xac, 2],
+            ),
+            (SetCommand::Go.into(), vec![13, 0]),
+            (
+                SetCommand::Jump(SongRef::Number(3)).into(),
+                vec![13, 2, 0, 3],
+            ),
+            (SetCommand::Hold(Some(true)).into(), vec![13, 3, 1, 1]),
+            (
+                TempoCommand::Hint(Some(Bpm(0.5))).into(),
+                with(&[6, 9, 1], &half_second),
             ),
         ];
         for (cue, bytes) in cues {

@@ -261,7 +261,7 @@ impl Show {
             match cue {
                 Cue::Tempo(command) => self.apply_to_tempo(now, command),
                 Cue::TempoMessage(message) => self.tempo.receive(&message),
-                Cue::Dance(_) | Cue::Output(_) => {}
+                Cue::Dance(_) | Cue::Output(_) | Cue::Set(_) => {}
             }
         }
     }
@@ -300,7 +300,7 @@ impl Show {
         for &cue in cues {
             match cue {
                 Cue::Output(command) => self.apply_to_outputs(command),
-                Cue::Dance(_) | Cue::Tempo(_) | Cue::TempoMessage(_) => {}
+                Cue::Dance(_) | Cue::Tempo(_) | Cue::TempoMessage(_) | Cue::Set(_) => {}
             }
         }
     }
@@ -339,7 +339,7 @@ impl Show {
             for &cue in cues {
                 match cue {
                     Cue::Dance(command) => lead.apply(command, state, &context, &mut self.events),
-                    Cue::Tempo(_) | Cue::TempoMessage(_) | Cue::Output(_) => {}
+                    Cue::Tempo(_) | Cue::TempoMessage(_) | Cue::Output(_) | Cue::Set(_) => {}
                 }
             }
             lead.tick(state, &context, &mut self.events);

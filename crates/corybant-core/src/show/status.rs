@@ -3,6 +3,7 @@
 //! Allocates: never.
 
 pub use crate::cue::schedule::{QUEUE_SHOWN_MAX, QueuedCue};
+use crate::cue::set::SetStatus;
 use crate::dsp::sound_check::SoundCheck;
 use crate::graph::Attribute;
 use crate::tempo::source::{SourceState, TempoSource};
@@ -86,6 +87,8 @@ pub struct Status {
     /// one first. Then come, in their order, the cues that were launched with the option *queue*
     /// and wait until all others have ended. Entries after the last cue are `None`.
     pub queue: [Option<QueuedCue>; QUEUE_SHOWN_MAX],
+    /// The state of the set list, which the program that has one adds; `None` without a set list.
+    pub set: Option<SetStatus>,
 }
 
 /// The tempo and beats of a show at one time, for programs that follow them.
@@ -143,6 +146,7 @@ impl Default for Status {
             panicked: false,
             offset: 0.0,
             queue: [None; QUEUE_SHOWN_MAX],
+            set: None,
         }
     }
 }
@@ -173,6 +177,12 @@ impl Show {
     /// Returns the weight of live performers that a cue has set, 0 (danced) to 1 (performed).
     pub fn performer_weight(&self) -> f32 {
         self.performer_weight
+    }
+
+    /// Returns true while the audio input contains sound that may be music, and about one second
+    /// after it.
+    pub fn is_sounding(&self) -> bool {
+        self.tempo.is_sounding()
     }
 
     /// Returns the state of the show and of the dancer with index `dancer` at the last tick. For an
@@ -207,6 +217,7 @@ impl Show {
             panicked: lead.panicked,
             offset: self.offset.wanted.0,
             queue: lead.queue,
+            set: None,
         }
     }
 

@@ -132,7 +132,7 @@ impl RecordingWriter {
 /// [`RecordingError`] if the header cannot be encoded.
 pub fn beginning(head: &Header) -> Result<Vec<u8>, RecordingError> {
     let mut bytes = [&MAGIC[..], &VERSION.to_le_bytes()].concat();
-    bytes.extend(chunk(&encoded(head)?));
+    bytes.extend(chunk(&[encoded(head)?, encoded(&head.pads)?].concat()));
     Ok(bytes)
 }
 

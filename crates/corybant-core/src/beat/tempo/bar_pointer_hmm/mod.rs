@@ -32,6 +32,14 @@ const TRANSITION_MIN: f32 = 1e-4;
 /// or phase. In each hop, each allowed tempo gets this value times its prior probability, divided
 /// by its beat period in hops.
 const RESTART: f32 = 3e-5;
+/// Standard deviation, around a tempo hint, of the natural logarithm of the beat period.
+const HINT_PERIOD: f32 = 0.03;
+/// Weight, 0..1, of a tempo hint in the probabilities of the tempi at the start of the music. The
+/// prior has the remaining weight.
+const HINT_AT_START: f32 = 0.9;
+/// Weight, 0..1, of a tempo hint in the probabilities of the tempi at which the model restarts; see
+/// [`RESTART`].
+const HINT_AT_RESTART: f32 = 0.5;
 /// Greatest difference of beat period at which a state supports a beat grid (is evidence for it):
 /// the absolute natural logarithm of the ratio of the two periods.
 const SUPPORT_PERIOD: f64 = 0.06;
@@ -124,6 +132,9 @@ pub struct BarPointerHmm {
     /// `[ring]`: prior probability of the tempo of this ring; all sum to 1. A ring has the states
     /// of one beat period.
     prior: Vec<f32>,
+    /// `[ring]`: probability of the tempo of this ring by the tempo hint; all sum to 1. Without a
+    /// hint it equals `prior`.
+    hint: Vec<f32>,
     /// Index range of the allowed rings; the other rings get practically no probability. A ring has
     /// the states of one beat period.
     allowed: std::ops::Range<usize>,
@@ -181,6 +192,7 @@ impl BarPointerHmm {
             rings,
             states: vec![0.0; start],
             transitions,
+            hint: Vec::new(),
             prior,
             worth,
             bell: bell(),
@@ -190,6 +202,7 @@ impl BarPointerHmm {
         };
         let sum: f32 = hmm.prior.iter().sum();
         hmm.prior.iter_mut().for_each(|prior| *prior /= sum);
+        hmm.hint.clone_from(&hmm.prior);
         hmm.spread_phases(0.0);
         hmm
     }
@@ -256,8 +269,9 @@ impl BarPointerHmm {
             let ring = &mut self.rings[i];
             ring.turn();
             let slot = ring.slot(0);
+            let restart = mixed(self.prior[i], self.hint[i], HINT_AT_RESTART);
             self.states[slot] =
-                entering * self.tempo_gain[i] + RESTART * self.prior[i] / ring.hops as f32;
+                entering * self.tempo_gain[i] + RESTART * restart / ring.hops as f32;
         }
     }
 
@@ -275,13 +289,32 @@ impl BarPointerHmm {
         }
     }
 
+    /// Sets the tempo hint, a beat period in hops that makes tempi near it more probable wherever the
+    /// prior is used. `None` removes the hint. A hint that is not near an allowed period has no
+    /// effect.
+    pub fn set_hint(&mut self, period: Option<f64>) {
+        self.hint.copy_from_slice(&self.prior);
+        let Some(period) = period else { return };
+        let tempo = |hops: usize| {
+            let off = maths::ln(hops as f32 / period as f32) / HINT_PERIOD;
+            maths::exp(-0.5 * off * off)
+        };
+        let sum: f32 = self.rings.iter().map(|ring| tempo(ring.hops)).sum();
+        if sum > f32::MIN_POSITIVE {
+            for (hint, ring) in self.hint.iter_mut().zip(&self.rings) {
+                *hint = tempo(ring.hops) / sum;
+            }
+        }
+    }
+
     /// Makes all phases of each tempo equally likely. The new probability of a tempo is a weighted
-    /// mean of the old one (weight `tempo_kept`, 0..1) and the prior (the remaining weight).
+    /// mean of the old one (weight `tempo_kept`, 0..1) and the prior with the tempo hint (the
+    /// remaining weight).
     pub fn spread_phases(&mut self, tempo_kept: f32) {
         for (i, ring) in self.rings.iter().enumerate() {
             let states = &mut self.states[ring.start..ring.start + ring.hops];
-            let tempo =
-                tempo_kept * states.iter().sum::<f32>() + (1.0 - tempo_kept) * self.prior[i];
+            let new = mixed(self.prior[i], self.hint[i], HINT_AT_START);
+            let tempo = tempo_kept * states.iter().sum::<f32>() + (1.0 - tempo_kept) * new;
             states.fill(if self.allowed.contains(&i) {
                 tempo / ring.hops as f32
             } else {
@@ -395,6 +428,11 @@ impl BarPointerHmm {
             grid
         }
     }
+}
+
+/// Returns the weighted mean of `a` and `b`, in which `b` has the weight `part`, 0..1.
+fn mixed(a: f32, b: f32, part: f32) -> f32 {
+    a + part * (b - a)
 }
 
 /// Returns the possible tempo changes at a beat to the beat period with index `to`. `rings` has one
