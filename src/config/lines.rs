@@ -55,5 +55,8 @@ fn song_line(text: &str, sentence: &str) -> Option<usize> {
     let show: Show = toml::from_str(text).ok()?;
     let song = show.song.get(number.checked_sub(1)?)?;
     let at = song.get_ref().get(&key);
-    line_at(text, at.map_or(song.span().start, |value| value.span().start))
+    line_at(
+        text,
+        at.map_or(song.span().start, |value| value.span().start),
+    )
 }

@@ -4,19 +4,18 @@ use serde::Serialize;
 
 use corybant_core::cue::set::{Position, SetStatus};
 
-/// The state of a set list: `{"current":index|null,"next":index|null,"waiting":index|null,
-/// "beats_left":x|null,"follows":"none|music|beat|timecode","beat":x|null,"seconds":x|null,
-/// "held":bool,"graph":"ready|loading","next_graph":"ready|loading"}`.
+/// The state of a set list: `{"current":index|null,"next":index|null,"beats_left":x|null,
+/// "follows":"none|music|beat|timecode","beat":x|null,"seconds":x|null,"held":bool,
+/// "graph":"ready|loading","next_graph":"ready|loading"}`.
 ///
-/// An index is that of a song, from 0. `waiting` is the song that waits for its bar, `beats_left`
-/// beats from now. The song that is played is at `beat`, or at `seconds` of timecode; with
+/// An index is that of a song, from 0. The next song waits for its bar, `beats_left` beats from now,
+/// if that is not null. The song that is played is at `beat`, or at `seconds` of timecode; with
 /// `"follows":"music"` it waits for the music.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(super) struct SetState {
     pub(super) current: Option<u16>,
     pub(super) next: Option<u16>,
-    pub(super) waiting: Option<u16>,
-    beats_left: Option<f32>,
+    beats_left: Option<f64>,
     follows: &'static str,
     beat: Option<f64>,
     seconds: Option<f64>,
@@ -36,8 +35,7 @@ impl SetState {
         Self {
             current: status.current,
             next: status.next,
-            waiting: status.waiting.map(|(song, _)| song),
-            beats_left: status.waiting.map(|(_, beats)| rounded(beats.into()) as f32),
+            beats_left: status.beats_left.map(|beats| rounded(beats.into())),
             follows: status.position.name(),
             beat: status.position.beat().map(rounded),
             seconds: seconds.map(rounded),

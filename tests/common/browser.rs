@@ -26,7 +26,9 @@ fn missing_node() -> Option<String> {
 /// `package.json`; `None` if nothing is missing.
 fn missing_node_in(folder: &str) -> Option<String> {
     if !Path::new(folder).join("node_modules").exists() {
-        return Some(format!("{folder}/node_modules is absent; run `npm ci` there"));
+        return Some(format!(
+            "{folder}/node_modules is absent; run `npm ci` there"
+        ));
     }
     Command::new("node")
         .arg("--version")

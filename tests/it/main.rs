@@ -24,7 +24,6 @@ mod retarget;
 mod show_reel;
 mod stage;
 mod tape;
-mod tempo_hint;
 mod tidy;
 mod timecode;
 

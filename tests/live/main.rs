@@ -24,6 +24,7 @@ mod pipewire;
 mod reload;
 mod replay;
 mod service;
+mod songs;
 mod stall;
 #[cfg(all(target_os = "linux", feature = "pipewire"))]
 mod start;

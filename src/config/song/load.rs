@@ -38,7 +38,11 @@ pub struct LoadedSongs {
 ///
 /// # Errors
 /// A sentence for each problem. It begins with the key of the setting, such as `song 2.cues`.
-pub fn load(config: &Config, folder: &Path, cast: &Cast) -> Result<(LoadedSongs, Cast), Vec<String>> {
+pub fn load(
+    config: &Config,
+    folder: &Path,
+    cast: &Cast,
+) -> Result<(LoadedSongs, Cast), Vec<String>> {
     let mut loaded = LoadedSongs::default();
     let mut problems = Vec::new();
     let mut casts = BTreeMap::new();
@@ -63,7 +67,9 @@ pub fn load(config: &Config, folder: &Path, cast: &Cast) -> Result<(LoadedSongs,
             true => casts.get(&song.graph).map(|(number, cast)| (*number, cast)),
         };
         // The problem of a graph that cannot be read is known already.
-        let Some((number, cast)) = found else { continue };
+        let Some((number, cast)) = found else {
+            continue;
+        };
         match read_song(song, folder, cast) {
             Ok(read) => loaded.songs.push(read),
             Err(found) => problems.extend(found.into_iter().map(|why| format!("{key}.{why}"))),
@@ -80,7 +86,10 @@ pub fn load(config: &Config, folder: &Path, cast: &Cast) -> Result<(LoadedSongs,
 
 fn numbered(songs: &[Settings]) -> impl Iterator<Item = (&Settings, String)> {
     let key = |i: usize| format!("song {}", i + 1);
-    songs.iter().enumerate().map(move |(i, song)| (song, key(i)))
+    songs
+        .iter()
+        .enumerate()
+        .map(move |(i, song)| (song, key(i)))
 }
 
 fn has_path(path: &Path) -> bool {
@@ -128,8 +137,8 @@ fn read_song(song: &Settings, folder: &Path, cast: &Cast) -> Result<Song, Vec<St
 
 fn read_cues(path: &Path, cast: &Cast) -> Result<CueList, Vec<String>> {
     let in_file = |error: &dyn std::fmt::Display| format!("cues: {}: {error}", shown(path));
-    let bytes = corybant_files::read(path, CUES_MIB_MAX)
-        .map_err(|error| vec![format!("cues: {error}")])?;
+    let bytes =
+        corybant_files::read(path, CUES_MIB_MAX).map_err(|error| vec![format!("cues: {error}")])?;
     let text = corybant_files::text(bytes).map_err(|error| vec![in_file(&error)])?;
     CueList::parse(&text, &danced_pads(cast))
         .map_err(|errors| errors.iter().map(|error| in_file(error)).collect())

@@ -260,8 +260,11 @@ impl LiveSettings {
     /// Prepares the change of the show to the graph file `song`; `None` for the graphs of the show.
     pub(super) fn prepare_song(&self, song: Option<PathBuf>) -> Result<NewGraphs, GraphProblem> {
         let (config, context) = (&self.current, self.graph_context());
-        on_one_thread(|| self.graphs.prepare_for(song, config, &config.plan, &context))
-            .unwrap_or_else(|error| Err(GraphProblem::Unusable(error.to_string())))
+        on_one_thread(|| {
+            self.graphs
+                .prepare_for(song, config, &config.plan, &context)
+        })
+        .unwrap_or_else(|error| Err(GraphProblem::Unusable(error.to_string())))
     }
 
     /// Returns true if songs have graphs of their own.

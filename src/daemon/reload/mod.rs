@@ -28,8 +28,8 @@ use corybant_files::shown;
 pub(super) use apply::ReloadContext;
 use apply::{Applied, LiveSettings};
 use edits::{Edit, EditResult, EditSender};
-use songs::SongGraphFiles;
 use settling::{Change, FileContent, Settling};
+use songs::SongGraphFiles;
 
 /// Interval at which the show-file thread reads the show file.
 const POLL_INTERVAL: Duration = Duration::from_millis(500);

@@ -54,7 +54,8 @@ impl SongPreparation {
         if wanted == in_use || self.failed == Some((wanted, edits)) {
             return;
         }
-        let is_known = |(graph, then, _): &(usize, u64, NewGraphs)| (*graph, *then) == (wanted, edits);
+        let is_known =
+            |(graph, then, _): &(usize, u64, NewGraphs)| (*graph, *then) == (wanted, edits);
         // The show may have returned the graph because it no longer fits.
         if self.prepared.as_ref().is_some_and(is_known) && !is_received {
             return;

@@ -89,8 +89,7 @@ impl SetLeader {
         writer: Option<&mut RecordingWriter>,
         now: Seconds,
     ) {
-        let following = self.list.waiting().or(self.list.next());
-        self.graphs.want(self.list.current(), following);
+        self.graphs.want(self.list.current(), self.list.next());
         self.graphs.receive(show, writer, now);
     }
 

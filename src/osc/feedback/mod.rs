@@ -217,7 +217,7 @@ impl StatePublisher {
             Readout::Source => Value::Text(status.source.name().into()),
             Readout::From(source) => Value::Float(on(status.source == source)),
             Readout::Frozen => Value::Float(on(status.frozen)),
-            Readout::SetGo => Value::Float(on(set.waiting.is_some())),
+            Readout::SetGo => Value::Float(on(set.beats_left.is_some())),
             Readout::SetHold => Value::Float(on(set.is_held)),
             Readout::Song => title(set.current),
             Readout::NextSong => title(set.next),

@@ -84,7 +84,11 @@ impl Listener {
             self.looks.tick().await;
             // The show has ended when the sender of its status is gone.
             self.api.status.has_changed().ok()?;
-            if self.about.has_changed().is_ok_and(|has_changed| has_changed) {
+            if self
+                .about
+                .has_changed()
+                .is_ok_and(|has_changed| has_changed)
+            {
                 let names = Arc::clone(&self.about.borrow_and_update().names);
                 let names = json!({ "labels": names.labels, "clips": names.clips });
                 return Some(Event::default().event("names").data(names.to_string()));

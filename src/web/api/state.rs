@@ -16,8 +16,8 @@ use corybant_core::show::status::Status;
 /// "intensity":0..1|null,"level_db":dBFS,"music":bool,"held":bool,"panicked":bool,
 /// "motion":"label|free|idle","label":name|null,"clip":name,"next":name,
 /// "cues":[{"label":name,"dancing":bool,"beats_left":n},…],"set":{…}|null,"warnings":[…]}`. `set` is
-/// that of the page's snapshots ([`SetState`]) with the titles `song`, `next_song` and
-/// `waiting_song`. A number that is not
+/// that of the page's snapshots ([`SetState`]) with the titles `song` and `next_song`. A
+/// number that is not
 /// finite becomes `null`.
 pub(super) fn to_json(status: &Status, names: &ApiNames, warnings: Value) -> Value {
     let name_of = |list: &[String], index: usize| list.get(index).cloned();
@@ -63,7 +63,6 @@ fn set_json(set: &SetStatus, names: &ApiNames) -> Value {
     let mut json = json!(state);
     json["song"] = json!(title(state.current));
     json["next_song"] = json!(title(state.next));
-    json["waiting_song"] = json!(title(state.waiting));
     json
 }
 

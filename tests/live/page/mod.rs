@@ -8,5 +8,6 @@ mod messages;
 mod play;
 mod rig;
 mod score;
+mod set_list;
 mod stage;
 mod takes;

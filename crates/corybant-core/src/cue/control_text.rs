@@ -397,7 +397,7 @@ mod tests {
                 .starts_with("unknown command ``")
         );
         let long = parse(&"x".repeat(1000)).unwrap_err().to_string();
-        assert!(long.len() < 280, "{long}");
+        assert!(long.len() < 340, "{long}");
     }
 
     #[test]

@@ -197,11 +197,9 @@ fn button(cue: Cue, velocity: u8) -> Option<Cue> {
                 ..launch
             }))
         }
-        Cue::Dance(_)
-        | Cue::Tempo(_)
-        | Cue::TempoMessage(_)
-        | Cue::Output(_)
-        | Cue::Set(_) => (velocity > 0).then_some(cue),
+        Cue::Dance(_) | Cue::Tempo(_) | Cue::TempoMessage(_) | Cue::Output(_) | Cue::Set(_) => {
+            (velocity > 0).then_some(cue)
+        }
     }
 }
 

@@ -117,8 +117,9 @@ fn value(arg: &OscType) -> Value {
         &OscType::Float(x) => Value::Number(f64::from(x)),
         &OscType::Long(x) => Value::Number(x as f64),
         &OscType::Double(x) => Value::Number(x),
-        OscType::String(text) => TempoSource::named(text)
-            .map_or_else(|| Value::Title(TitleKey::of(text)), Value::Source),
+        OscType::String(text) => {
+            TempoSource::named(text).map_or_else(|| Value::Title(TitleKey::of(text)), Value::Source)
+        }
         _ => Value::Other,
     }
 }
@@ -173,10 +174,7 @@ mod tests {
             (OscType::Bool(false), Value::Number(0.0)),
             (OscType::Nil, Value::Number(0.0)),
             (OscType::Inf, Value::Number(1.0)),
-            (
-                OscType::String("1".into()),
-                Value::Title(TitleKey::of("1")),
-            ),
+            (OscType::String("1".into()), Value::Title(TitleKey::of("1"))),
             (
                 OscType::String("link".into()),
                 Value::Source(TempoSource::Link),

@@ -110,15 +110,12 @@ impl SetList {
         self.current
     }
 
-    /// Returns the index of the song that GO starts; `None` if there is none.
+    /// Returns the index of the song that waits for its beat; if none waits, that of the song that GO
+    /// starts. `None` if there is none.
     pub fn next(&self) -> Option<usize> {
-        let played = self.waiting.map(|(song, _)| song).or(self.current);
-        Some(played.map_or(0, |song| song + 1)).filter(|&song| song < self.songs.len())
-    }
-
-    /// Returns the index of the song that waits for its beat.
-    pub fn waiting(&self) -> Option<usize> {
-        self.waiting.map(|(song, _)| song)
+        let following = self.current.map_or(0, |song| song + 1);
+        let next = self.waiting.map_or(following, |(song, _)| song);
+        Some(next).filter(|&song| song < self.songs.len())
     }
 
     /// Removes and returns the oldest unread event; `None` if there is none.
@@ -133,7 +130,7 @@ impl SetList {
         SetStatus {
             current: self.current.map(index),
             next: self.next().map(index),
-            waiting: self.waiting.map(|(song, _)| (index(song), self.beats_left)),
+            beats_left: self.waiting.map(|_| self.beats_left),
             position: self.position,
             is_held: self.held.is_some(),
             ..SetStatus::default()
@@ -174,6 +171,8 @@ impl SetList {
                 (None, Some(song)) => Some(song.saturating_sub(1)),
                 (None, None) => None,
             },
+            // A second press while a song waits is a mistake, and must not skip a song.
+            SetCommand::Go if self.waiting.is_some() => return,
             SetCommand::Go => {
                 let next = self.next();
                 if next.is_none() && !self.songs.is_empty() {

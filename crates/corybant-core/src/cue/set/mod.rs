@@ -26,7 +26,7 @@ pub const SONGS_MAX: usize = 1000;
 /// A command to the set list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SetCommand {
-    /// Go: starts the next song.
+    /// Go: starts the next song. While a song waits for its start, this does nothing.
     Go,
     /// Back: while a song waits for its start, drops that; otherwise starts the song before.
     Back,
@@ -67,9 +67,7 @@ impl TitleKey {
         let mut utf8 = [0; 4];
         let key = lower.fold(OFFSET, |key, c| {
             let bytes = c.encode_utf8(&mut utf8).bytes();
-            bytes.fold(key, |key, byte| {
-                (key ^ u64::from(byte)).wrapping_mul(PRIME)
-            })
+            bytes.fold(key, |key, byte| (key ^ u64::from(byte)).wrapping_mul(PRIME))
         });
         Self(key)
     }

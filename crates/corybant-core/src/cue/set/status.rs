@@ -21,10 +21,11 @@ pub enum Position {
 pub struct SetStatus {
     /// Index of the song that is played; `None` before the first one.
     pub current: Option<u16>,
-    /// Index of the song that GO starts; `None` after the last one.
+    /// Index of the song that waits for its bar or beat, otherwise of the song that GO starts; `None`
+    /// after the last one.
     pub next: Option<u16>,
-    /// Index of the song that waits for its bar or beat, and the number of beats until then.
-    pub waiting: Option<(u16, f32)>,
+    /// Number of beats until the next song starts, if it waits for its bar or beat.
+    pub beats_left: Option<f32>,
     /// The position in the song that is played.
     pub position: Position,
     /// True while the cue list is held.

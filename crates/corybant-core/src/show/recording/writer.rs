@@ -200,6 +200,7 @@ mod tests {
             began_unix_s: 0,
             settings: String::new(),
             graphs: Vec::new(),
+            pads: vec!["salsa".into()],
         };
         let file = [beginning(&head).unwrap(), chunk(&bytes[..n])].concat();
         let (_, mut reader) = Reader::open(&file[..]).unwrap();

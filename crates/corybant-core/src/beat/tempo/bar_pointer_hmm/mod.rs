@@ -15,6 +15,8 @@
 //! head moves, and only the states near a beat are multiplied. The unit of time in this file is the
 //! hop.
 
+mod hint;
+
 use super::period_range::PeriodRange;
 use super::state_space::{
     NEAR_MAX, TempoInterpolation, beat_worth, bell, bpm, log_prior, observation_ratio, period_hops,
@@ -32,8 +34,6 @@ const TRANSITION_MIN: f32 = 1e-4;
 /// or phase. In each hop, each allowed tempo gets this value times its prior probability, divided
 /// by its beat period in hops.
 const RESTART: f32 = 3e-5;
-/// Standard deviation, around a tempo hint, of the natural logarithm of the beat period.
-const HINT_PERIOD: f32 = 0.03;
 /// Weight, 0..1, of a tempo hint in the probabilities of the tempi at the start of the music. The
 /// prior has the remaining weight.
 const HINT_AT_START: f32 = 0.9;
@@ -135,6 +135,9 @@ pub struct BarPointerHmm {
     /// `[ring]`: probability of the tempo of this ring by the tempo hint; all sum to 1. Without a
     /// hint it equals `prior`.
     hint: Vec<f32>,
+    /// `[ring]`: factor from the tempo hint by which the probability of this beat period is
+    /// multiplied once per beat; 1 without a hint.
+    hint_gain: Vec<f32>,
     /// Index range of the allowed rings; the other rings get practically no probability. A ring has
     /// the states of one beat period.
     allowed: std::ops::Range<usize>,
@@ -193,6 +196,7 @@ impl BarPointerHmm {
             states: vec![0.0; start],
             transitions,
             hint: Vec::new(),
+            hint_gain: Vec::new(),
             prior,
             worth,
             bell: bell(),
@@ -203,6 +207,7 @@ impl BarPointerHmm {
         let sum: f32 = hmm.prior.iter().sum();
         hmm.prior.iter_mut().for_each(|prior| *prior /= sum);
         hmm.hint.clone_from(&hmm.prior);
+        hmm.hint_gain = vec![1.0; hmm.prior.len()];
         hmm.spread_phases(0.0);
         hmm
     }
@@ -270,8 +275,8 @@ impl BarPointerHmm {
             ring.turn();
             let slot = ring.slot(0);
             let restart = mixed(self.prior[i], self.hint[i], HINT_AT_RESTART);
-            self.states[slot] =
-                entering * self.tempo_gain[i] + RESTART * restart / ring.hops as f32;
+            self.states[slot] = entering * self.tempo_gain[i] * self.hint_gain[i]
+                + RESTART * restart / ring.hops as f32;
         }
     }
 
@@ -286,24 +291,6 @@ impl BarPointerHmm {
                 .for_each(|state| *state = *state * scale + STATE_MIN);
         } else {
             self.spread_phases(0.0);
-        }
-    }
-
-    /// Sets the tempo hint, a beat period in hops that makes tempi near it more probable wherever the
-    /// prior is used. `None` removes the hint. A hint that is not near an allowed period has no
-    /// effect.
-    pub fn set_hint(&mut self, period: Option<f64>) {
-        self.hint.copy_from_slice(&self.prior);
-        let Some(period) = period else { return };
-        let tempo = |hops: usize| {
-            let off = maths::ln(hops as f32 / period as f32) / HINT_PERIOD;
-            maths::exp(-0.5 * off * off)
-        };
-        let sum: f32 = self.rings.iter().map(|ring| tempo(ring.hops)).sum();
-        if sum > f32::MIN_POSITIVE {
-            for (hint, ring) in self.hint.iter_mut().zip(&self.rings) {
-                *hint = tempo(ring.hops) / sum;
-            }
         }
     }
 

@@ -77,6 +77,8 @@ const TEMPO_KEPT_AT_HINT: f32 = 0.5;
 /// Recent probability of the beat grid, 0..1, from which on a tempo hint has done its work: after a
 /// pause, the tempo of the music counts again and not the hint.
 const HINT_PASSED_SHARE: f64 = 0.3;
+/// Longest time for which a tempo hint changes the tempo of music that plays, in seconds.
+const HINT_S: f64 = 6.0;
 /// Fraction of the total probability, 0..1, that the states around a beat grid get when a performer
 /// sets this grid.
 const SEED_SHARE: f32 = 0.9;
@@ -128,6 +130,8 @@ pub struct TempoHypothesis {
     octave_held: bool,
     /// True if a tempo hint has not been confirmed or refuted by music yet.
     is_hint_new: bool,
+    /// Time for which there was music since the tempo hint, in seconds.
+    hint_s: f64,
     /// Number of latest beats in the correction line: the least-squares straight line (beat number
     /// to time) that corrects the grid. It is at most 7.
     fitted: f64,
@@ -165,6 +169,7 @@ impl TempoHypothesis {
             is_classified: false,
             octave_held: false,
             is_hint_new: false,
+            hint_s: 0.0,
             fitted: 0.0,
             measure: 0.0,
             latest: [0.0; HOPS],
@@ -208,7 +213,7 @@ impl TempoHypothesis {
         };
         let support = self.support(grid, heard);
         self.share = support.share + (self.share - support.share) * self.share_keep;
-        self.is_hint_new &= self.share < HINT_PASSED_SHARE;
+        self.age_hint();
         let right = self.right(support.share);
         self.confidence = right + (self.confidence - right) * self.confidence_keep;
         if let Some(other) = self.challenger(grid, support, heard) {
@@ -236,6 +241,7 @@ impl TempoHypothesis {
     pub fn hint(&mut self, period: Option<f64>) {
         self.hmm.set_hint(period.map(|period| period / HOP_S));
         self.is_hint_new = period.is_some();
+        self.hint_s = 0.0;
         let Some(period) = period else { return };
         match self.grid {
             None => self.hmm.spread_phases(0.0),
@@ -260,6 +266,19 @@ impl TempoHypothesis {
         self.hmm
             .restrict(self.range.octave_around(period).in_hops(HOP_S));
         self.octave_held = true;
+    }
+
+    /// Ends the effect of a tempo hint on the music that plays, once the tempo of the music was found or
+    /// the music has had enough time to show its tempo.
+    fn age_hint(&mut self) {
+        if !self.is_hint_new {
+            return;
+        }
+        self.hint_s += HOP_S;
+        if self.share >= HINT_PASSED_SHARE || self.hint_s > HINT_S {
+            self.is_hint_new = false;
+            self.hmm.end_hint_gain();
+        }
     }
 
     /// Returns true while there is a beat grid: false before the first grid is found and after the
