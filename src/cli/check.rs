@@ -10,7 +10,7 @@ use crate::web::avatar::Avatar;
 use corybant_core::show::ShowError;
 use corybant_files::shown;
 
-use super::inputs::{find_cast, folder_of, read_text};
+use super::inputs::{find_cast, folder_of, load_songs, read_text};
 use super::{Outcome, print};
 
 /// Arguments of `corybant check`.
@@ -123,11 +123,20 @@ fn check_avatars(name: &str, config: &Config, problems: &mut Vec<String>) {
     }
 }
 
-/// Adds a problem to `problems` if a graph that the show file `show` names cannot be used. Also adds one for each label that the show file names but no graph has.
+/// Adds a problem to `problems` if a graph that the show file `show` names cannot be used. Also
+/// adds one for each label that the show file names but no graph has, and for each song that names
+/// something that does not exist.
 fn check_graph(show: &Path, config: &Config, problems: &mut Vec<String>) {
     let name = shown(show);
     match find_cast(None, Some(show), config) {
         Ok(cast) => {
+            let cast = match load_songs(Some(show), config, &cast) {
+                Ok((_, cast)) => cast,
+                Err(error) => {
+                    problems.extend(error.problems);
+                    cast
+                }
+            };
             let mut missing = Vec::new();
             config.check_labels(cast.pads(), &mut missing);
             problems.extend(missing.iter().map(|it| config.files.located(&name, it)));

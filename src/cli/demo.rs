@@ -71,6 +71,7 @@ pub(super) fn demo(args: &DemoArgs) -> Outcome {
         samples,
         cue_list: CueList::default(),
         song: LedSong::default(),
+        songs: Default::default(),
         recordings: Recordings::default(),
         faults: Arc::default(),
         warnings: Warnings::default(),

@@ -192,7 +192,8 @@ fn recorded_cast(
     for (settings, danced) in config.dancer.iter().zip(&head.graphs) {
         dancers.push((settings.clone(), graphs.find(danced)?));
     }
-    Ok(Cast::new(dancers)?.with_scenes(&config.scene))
+    let cast = Cast::new(dancers)?.with_pads(&head.pads);
+    Ok(cast.with_scenes(&config.scene))
 }
 
 /// Returns the graph of each change to another graph during the recorded show.

@@ -30,7 +30,7 @@ use corybant_files::{Places, shown};
 
 use super::inputs::files::add_show_inputs;
 use super::inputs::{
-    check_labels, find_cast, graph_files, lines_in_file, locate_beat_error, read_beats,
+    check_labels, find_cast, graph_files, lines_in_file, load_songs, locate_beat_error, read_beats,
     read_config, read_cue_list,
 };
 use super::{Outcome, seconds, stop_on_signal};
@@ -100,6 +100,7 @@ fn run_until(args: &RunArgs, stop: &Arc<AtomicBool>, setup: Option<&Arc<Setup>>)
     }
     refuse_clashes(args, &config)?;
     let cast = find_cast(args.graph.as_deref(), args.show.as_deref(), &config)?;
+    let (songs, cast) = load_songs(args.show.as_deref(), &config, &cast)?;
     check_labels(args.show.as_deref(), &config, &cast)?;
     let recordings = recordings(args, &config, &cast)?;
     let (faults, warnings) = (Arc::new(Faults::default()), Warnings::default());
@@ -133,6 +134,7 @@ fn run_until(args: &RunArgs, stop: &Arc<AtomicBool>, setup: Option<&Arc<Setup>>)
         samples,
         cue_list,
         song,
+        songs,
         recordings,
         faults,
         warnings,
@@ -236,7 +238,7 @@ fn led_list(
     let Some(beats) = beats else {
         let needs = if list.has_beats() {
             "the cue list has cues at beats (@)"
-        } else if config.tempo.source == TempoSource::Timecode {
+        } else if config.tempo.source == TempoSource::Timecode && config.song.is_empty() {
             "tempo.source is \"timecode\""
         } else {
             return Ok((list.in_order_of_time(), SongBeats::default()));
@@ -283,9 +285,18 @@ fn file_feeds(path: &Path, config: &Config) -> Result<(FileFeed, Option<LtcFeed>
     Ok((FileFeed::new(music, false), Some(ltc)))
 }
 
-/// Returns an error if a recording to be written is also an input, or if two recordings have the
-/// same path.
+/// Returns an error if a recording to be written is also an input, if two recordings have the same
+/// path, or if the options give a second song to a set list.
 fn refuse_clashes(args: &RunArgs, config: &Config) -> Outcome {
+    let given = [("--cues", &args.cues), ("--beats", &args.beats)];
+    if let Some((option, _)) = given.iter().find(|(_, path)| path.is_some())
+        && !config.song.is_empty()
+    {
+        return Err(format!(
+            "{option} is for a show with one song, and the show file has a set list ([[song]]); leave out one of them"
+        )
+        .into());
+    }
     let mut places = Places::default();
     if let Some(cues) = &args.cues {
         places.reads("the cue list", cues);

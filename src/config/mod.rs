@@ -4,6 +4,7 @@
 pub mod changes;
 pub mod graphs;
 pub mod include;
+pub mod song;
 
 use std::path::{Path, PathBuf};
 
@@ -57,6 +58,8 @@ pub struct Config {
     pub plan: plan::Settings,
     /// `[[dancer]]`: the dancers, at least one.
     pub dancer: Vec<dance::Settings>,
+    /// `[[song]]`: the set list.
+    pub song: Vec<song::Settings>,
     /// `[[output]]`: the outputs, which send poses to other programs.
     pub output: Vec<output::Settings>,
     /// `[[motion_in]]`: the inputs of live performers' poses.
@@ -87,6 +90,7 @@ impl Default for Config {
             graph: Default::default(),
             plan: Default::default(),
             dancer: vec![Default::default()],
+            song: Vec::new(),
             output: vec![Default::default()],
             motion_in: Vec::new(),
             scene: Vec::new(),
@@ -191,6 +195,7 @@ impl Config {
         self.check_timecode(problems);
         self.plan.check("plan", problems);
         self.check_dancers(problems);
+        song::check(&self.song, &self.timecode.source, problems);
         let local = local_addresses();
         for (i, output) in self.output.iter().enumerate() {
             let key = format!("output {}", i + 1);

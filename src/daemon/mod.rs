@@ -19,6 +19,7 @@ pub mod setup;
 mod show_change;
 mod show_thread;
 mod solving;
+mod songs;
 mod streams;
 mod surfaces;
 mod takes;
@@ -38,6 +39,7 @@ use crate::audio::ltc_feed::LtcFeed;
 use crate::clock::art_net::ArtNetInputError;
 use crate::clock::out::ClockOutError;
 use crate::config::Config;
+use crate::config::song::LoadedSongs;
 use crate::dmx::DmxError;
 use crate::midi::MidiError;
 use crate::osc::input::OscInError;
@@ -168,6 +170,8 @@ pub struct ShowInputs {
     pub cue_list: CueList,
     /// The song that timecode leads; without meaning in a show without timecode.
     pub song: LedSong,
+    /// The set list; empty in a show without songs.
+    pub songs: LoadedSongs,
     /// The recordings that the user requested; empty without `--record` and `--record-cues`.
     pub recordings: Recordings,
     /// Counters of faults. The threads that deliver `samples` count in these counters too.
@@ -270,7 +274,9 @@ fn start(
         is_recorded: inputs.recordings.show.is_some(),
         new_outputs: monitor.new_outputs.clone(),
     };
-    let reload = Reload::start(config, &outputs, reload_context).map_err(DaemonError::Thread)?;
+    let (song_graphs, songs) = songs::open(inputs.songs);
+    let reload = Reload::start(config, &outputs, reload_context, song_graphs)
+        .map_err(DaemonError::Thread)?;
     let parts = TakeParts {
         inbox,
         performer: performers.recorded(),
@@ -287,7 +293,8 @@ fn start(
         show,
         samples: inputs.samples,
         cue_list: inputs.cue_list,
-        leader: ListLeader::new(&config.timecode, inputs.song, &context, &monitor),
+        leader: ListLeader::new(&config.timecode, inputs.song, &context, &monitor)
+            .with_songs(songs),
         streams: Streams::new(outputs).map_err(DaemonError::Thread)?,
         cues: context.cues,
         performers,
@@ -329,6 +336,7 @@ fn listener_context(
         faults: inputs.faults.clone(),
         warnings: inputs.warnings.clone(),
         names: ShowNames::new(Names::of(cast)),
+        songs: inputs.songs.titles.as_slice().into(),
         takes: can_record.then_some(desk),
         setup: inputs.setup.as_ref().map(setup::routes),
     };

@@ -297,8 +297,12 @@ impl ShowThread {
             streams,
             changes,
             record_sinks,
+            leader,
             ..
         } = self;
+        if let Some(songs) = leader.songs() {
+            songs.change_graph(show, record_sinks.writer.as_mut(), now);
+        }
         changes.receive(|change| {
             let writer = record_sinks.writer.as_mut();
             let parts = ShowParts {
@@ -388,6 +392,7 @@ impl ShowThread {
         while let Some(event) = self.show.next_event() {
             self.events.force_push((now, event));
         }
+        self.watchers.set = self.leader.set_status();
         self.watchers.publish(&self.show, &self.performers, now);
     }
 
@@ -410,12 +415,19 @@ impl ShowThread {
     }
 
     /// Returns `cue` with the place in the graph that is most similar to the live performer's pose,
-    /// if the cue needs one. Engages or disengages timecode if the cue requests that.
+    /// if the cue needs one. Engages or disengages timecode if the cue requests that, and gives a
+    /// command to the set list.
     fn placed(&mut self, cue: Cue, now: Seconds) -> Cue {
         match cue {
             Cue::Dance(DanceCommand::Follow(_)) => {
                 let place = self.performers.place(&mut self.show, now);
                 DanceCommand::Follow(place).into()
+            }
+            Cue::Set(command) => {
+                if let Some(songs) = self.leader.songs() {
+                    songs.command(command);
+                }
+                cue
             }
             Cue::Tempo(TempoCommand::Engage(on)) => {
                 self.leader.engage(on);

@@ -17,8 +17,9 @@ use crate::osc::input::{self, Advertise, Listener};
 use crate::osc::query::{self, Host, OscQuery};
 use crate::rt::show_names::PADS_ADDED_MAX;
 use crate::web::Snapshot;
+use corybant_core::cue::set::SetStatus;
 use corybant_core::motion::Pose;
-use corybant_core::show::{Show, TempoState};
+use corybant_core::show::{Show, Status, TempoState};
 use corybant_core::time::Seconds;
 use corybant_core::timecode::settings::Source;
 
@@ -32,6 +33,8 @@ pub(super) struct Watchers {
     pub(super) page: Input<Snapshot>,
     /// 99th percentile of the lateness of recent poses, in milliseconds, for control surfaces.
     pub(super) late_ms: f32,
+    /// State of the set list.
+    pub(super) set: Option<SetStatus>,
     surfaces: Vec<Input<ShowState>>,
     /// Writers of the tempo for the Link session and the clock outputs.
     tempo_readers: Vec<Input<TempoState>>,
@@ -43,6 +46,7 @@ impl Watchers {
         Self {
             page,
             late_ms: 0.0,
+            set: None,
             surfaces: Vec::new(),
             tempo_readers: Vec::new(),
         }
@@ -55,12 +59,16 @@ impl Watchers {
             show.pose_at(dancer, now, pose);
             performers.mix(dancer, pose);
         };
-        self.page
-            .input_buffer_mut()
-            .update(&show.status(0), pose_of);
+        let status = Status {
+            set: self.set,
+            ..show.status(0)
+        };
+        self.page.input_buffer_mut().update(&status, pose_of);
         self.page.publish();
         for surface in &mut self.surfaces {
-            surface.input_buffer_mut().update(show, self.late_ms);
+            surface
+                .input_buffer_mut()
+                .update(show, &status, self.late_ms);
             surface.publish();
         }
         let tempo_state = show.tempo_state();
@@ -107,6 +115,7 @@ impl Surfaces {
             faults,
             names,
             takes,
+            songs,
             ..
         } = context;
         let velocity_as_intensity = Arc::new(AtomicBool::new(settings.velocity_as_intensity));
@@ -123,7 +132,9 @@ impl Surfaces {
                     .with_names(names.reader())
                     .with_takes(takes.clone())
                     .with_timecode(config.timecode.source == Source::Osc),
-                publisher.with_names(names.reader()),
+                publisher
+                    .with_names(names.reader())
+                    .with_songs(songs.clone()),
             )
         };
         let (dispatcher, publisher) = connect();

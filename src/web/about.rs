@@ -46,6 +46,8 @@ pub struct About {
     pub has_setup: bool,
     /// True if the page can record takes.
     pub has_takes: bool,
+    /// Title of each song of the set list, in order.
+    pub songs: Vec<String>,
 }
 
 /// Static data of one dancer.
@@ -88,6 +90,7 @@ impl Served {
                 labels: about.labels.clone(),
                 clips: about.clips.clone(),
                 scenes: about.scenes.clone(),
+                songs: about.songs.clone(),
                 sources: about.sources.iter().map(TempoSource::name).collect(),
             }),
         }
@@ -146,6 +149,7 @@ struct Hello<'a> {
     sources: Vec<&'static str>,
     setup: bool,
     takes: bool,
+    songs: &'a [String],
 }
 
 #[derive(Serialize)]
@@ -201,7 +205,7 @@ impl About {
     /// `{"type":"hello","dancers":[{"name":name,"home":[x,z],"avatar":path|null,"joints":[name,…],
     /// "parents":[index|null,…],"offsets":[[x,y,z],…],"ends":[[[x,y,z],…],…],
     /// "bones":[[name,joint,[x,y,z,w]],…]},…],"labels":[name,…],"clips":[name,…],
-    /// "scenes":[name,…],"sources":["audio",…],"setup":false,"takes":false}`.
+    /// "scenes":[name,…],"sources":["audio",…],"setup":false,"takes":false,"songs":[title,…]}`.
     /// Lengths are in metres. `avatar` is the path of a VRM file on this server. `body.rs` describes
     /// the rest of a dancer.
     pub fn to_json(&self) -> String {
@@ -222,6 +226,7 @@ impl About {
             sources: self.sources.iter().map(TempoSource::name).collect(),
             setup: self.has_setup,
             takes: self.has_takes,
+            songs: &self.songs,
         };
         serde_json::to_string(&hello).unwrap_or_default()
     }

@@ -83,6 +83,13 @@ pub const STAGE_ASSETS: &[Asset] = assets! {
     "/stage/style.css", CSS, "stage/style.css";
 };
 
+/// Files of the page of the set list. This page also uses files in [`ASSETS`].
+pub const SET_ASSETS: &[Asset] = assets! {
+    "/set", HTML, "set/index.html";
+    "/set/app.js", SCRIPT, "set/app.js";
+    "/set/style.css", CSS, "set/style.css";
+};
+
 /// Files of the editor's page. This page also uses files in [`ASSETS`].
 pub const EDITOR_ASSETS: &[Asset] = assets! {
     "/", HTML, "score/index.html";

@@ -27,6 +27,8 @@ const VIEW_ONLY: &str =
     "This token only shows: open /stage, or read /api, /api/state or /api/events.";
 /// Path of the page that only shows the stage.
 pub(super) const STAGE: &str = "/stage";
+/// Path of the page of the set list.
+const SET: &str = "/set";
 /// Paths, and starts of paths that end with `/`, that a request with the view token may read.
 const VIEW_PATHS: [&str; 9] = [
     STAGE,
@@ -110,7 +112,7 @@ impl Access {
             return next.run(request).await;
         };
         let (uri, headers) = (request.uri(), request.headers());
-        let is_page = ["/", STAGE].contains(&uri.path());
+        let is_page = ["/", STAGE, SET].contains(&uri.path());
         let rights = [
             (Some(token), Right::Configure),
             (self.play.as_ref(), Right::Play),

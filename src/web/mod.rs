@@ -40,6 +40,7 @@ pub mod probe;
 mod requests;
 mod right;
 mod server;
+mod set_state;
 pub mod setup_access;
 pub mod snapshot;
 pub mod thumbs;

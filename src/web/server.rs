@@ -18,7 +18,7 @@ use tokio::sync::{oneshot, watch};
 use tokio::time::{MissedTickBehavior, interval, timeout};
 
 use super::about::{AboutSender, Served};
-use super::assets::{self, ASSETS, STAGE_ASSETS};
+use super::assets::{self, ASSETS, SET_ASSETS, STAGE_ASSETS};
 use super::auth::Access;
 use super::avatar::Avatar;
 use super::right::Right;
@@ -195,7 +195,7 @@ fn router(shared: &Arc<Shared>, latest: LatestMessages) -> Router {
         )
     };
     let about = shared.about.clone();
-    assets::router(ASSETS.iter().chain(STAGE_ASSETS))
+    assets::router(ASSETS.iter().chain(STAGE_ASSETS).chain(SET_ASSETS))
         .merge(setup)
         .merge(avatar::router(shared.avatars.clone()))
         .route(

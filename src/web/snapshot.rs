@@ -7,6 +7,7 @@
 use serde::{Serialize, Serializer};
 use triple_buffer::{Input, Output};
 
+use super::set_state::SetState;
 use corybant_core::beat::form::section::SectionStart;
 use corybant_core::fault::{Fault, Faults};
 use corybant_core::graph::Attribute;
@@ -58,7 +59,8 @@ impl Snapshot {
     /// "clipped":bool,"hum":Hz|0,"music":bool,"held":bool,"panicked":bool,"clip":index,
     /// "label":index|null,"idle":bool,"next":clip index,"ahead":[label|null|-1 for idle, one per
     /// beat],"queue":[[label,dancing,beats_left],…],"scene":index|null,"next_scene":index|null,"poses":[{"root":[x,y,z],"rot":[x,y,z,w of joint
-    /// 0, of joint 1, …]}, …],"faults":{"name":count,…}}`. `poses` are in the order of the dancers in
+    /// 0, of joint 1, …]}, …],"set":{…}|null,"faults":{"name":count,…}}`. `set` is described at
+    /// [`SetState`]. `poses` are in the order of the dancers in
     /// the message `hello`. A position `root` is in stage space, in metres; a rotation in `rot` is
     /// relative to the parent joint. `faults` has only faults that have occurred. A number that is
     /// not finite becomes `null`.
@@ -104,6 +106,7 @@ impl Snapshot {
             scene: status.scene,
             next_scene: status.next_scene,
             poses: self.poses.iter().map(SentPose::new).collect(),
+            set: status.set.as_ref().map(SetState::of),
             faults: Counts(faults),
         };
         serde_json::to_string(&message).unwrap_or_default()
@@ -161,6 +164,7 @@ struct Message<'a> {
     scene: Option<u16>,
     next_scene: Option<u16>,
     poses: Vec<SentPose<'a>>,
+    set: Option<SetState>,
     faults: Counts<'a>,
 }
 

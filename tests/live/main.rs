@@ -26,6 +26,7 @@ mod reload;
 mod replay;
 mod scenes;
 mod service;
+mod songs;
 mod stall;
 #[cfg(all(target_os = "linux", feature = "pipewire"))]
 mod start;

@@ -11,7 +11,7 @@ use crate::cli::Outcome;
 use crate::config::Config;
 use crate::offline::dance_files::file_names;
 
-use super::graph_files;
+use super::{folder_of, graph_files};
 
 /// Returns an error if the name of the output file `path` does not end in `.` and `ending`. `option`
 /// is the option that gives the path. Without this check, a command would write its one format to a
@@ -46,6 +46,13 @@ pub(in crate::cli) fn add_show_inputs(
     reads("the graph", graph);
     for graph in graph_files(None, show, config).iter().flatten() {
         reads("a graph of the show file", Some(graph));
+    }
+    let folder = show.map_or(Path::new(""), folder_of);
+    for (number, song) in (1..).zip(&config.song) {
+        for (what, path) in [("the cue list", &song.cues), ("the graph", &song.graph)] {
+            let path = Some(folder.join(path)).filter(|_| !path.as_os_str().is_empty());
+            reads(&format!("{what} of song {number}"), path.as_deref());
+        }
     }
     let song = config.audio.input.strip_prefix(FILE_PREFIX);
     reads("the music file of the show", song.map(Path::new));

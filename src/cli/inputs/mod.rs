@@ -14,6 +14,7 @@ use crate::audio::file::has_music_ending;
 use crate::audio::input::FILE_PREFIX;
 use crate::cli::Outcome;
 use crate::config::graphs::read_graph;
+use crate::config::song::{LoadedSongs, load};
 use crate::config::{Config, ConfigError};
 use corybant_core::beat::BeatError;
 use corybant_core::cue::CueNames;
@@ -85,6 +86,27 @@ pub(in crate::cli) fn find_cast(
         dancers.push((dancer.clone(), graph));
     }
     Ok(Cast::new(dancers)?.with_scenes(&config.scene))
+}
+
+/// Reads what the songs of the show file `show` name. `config` are its settings, and `cast` are its
+/// dancers. Returns the songs, and the cast with the pads of all their graphs.
+///
+/// # Errors
+/// [`ConfigError`] with one problem for each file or label that does not exist.
+pub(in crate::cli) fn load_songs(
+    show: Option<&Path>,
+    config: &Config,
+    cast: &Cast,
+) -> Result<(LoadedSongs, Cast), ConfigError> {
+    let (name, folder) = show.map_or((String::new(), Path::new("")), |show| {
+        (shown(show), folder_of(show))
+    });
+    load(config, folder, cast).map_err(|sentences| ConfigError {
+        problems: sentences
+            .iter()
+            .map(|sentence| config.files.located(&name, sentence))
+            .collect(),
+    })
 }
 
 /// Returns the path of each dancer's graph file; see [`Config::graph_files`]. `show` is the path of

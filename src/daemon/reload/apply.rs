@@ -24,6 +24,7 @@ use corybant_core::tempo::source::TempoSource;
 use corybant_core::time::{Bpm, Seconds};
 
 use super::graphs::{GraphContext, GraphFiles, GraphProblem, NewGraphs};
+use super::songs::{SongGraphFiles, SongPreparation};
 use crate::daemon::listeners::{ListenerContext, ListenerControls};
 use crate::daemon::outputs::{self, OutputOpener};
 use crate::daemon::show_change::ShowChange;
@@ -89,6 +90,8 @@ pub(super) struct LiveSettings {
     /// Datagram counter and offset of each output, in the order of the outputs in `current`.
     handles: Vec<OutputHandles>,
     graphs: GraphFiles,
+    /// Preparation of the graphs of songs; `None` if no song has a graph of its own.
+    songs: Option<SongPreparation>,
     /// Number of pads with which the show has started.
     first_pads: usize,
     pub(super) context: ReloadContext,
@@ -103,10 +106,12 @@ impl LiveSettings {
         outputs: &[(usize, Output)],
         context: ReloadContext,
         folder: &Path,
+        songs: Option<SongGraphFiles>,
     ) -> Self {
         let handles = outputs.iter().map(|(_, output)| OutputHandles::of(output));
         Self {
             graphs: GraphFiles::new(&started, context.graph.clone(), folder),
+            songs: songs.map(SongPreparation::new),
             first_pads: context.opener.cast().pads().len(),
             current: started.clone(),
             started,
@@ -237,12 +242,7 @@ impl LiveSettings {
         if !self.has_live_graphs() {
             return Ok(None);
         }
-        let context = GraphContext {
-            cast: self.context.opener.cast(),
-            first_pads: self.first_pads,
-            beats_per_bar: self.started.tempo.beats_per_bar.initial(),
-            faults: &self.context.shared.faults,
-        };
+        let context = self.graph_context();
         let plan = if self.context.is_recorded {
             &self.current.plan
         } else {
@@ -250,6 +250,39 @@ impl LiveSettings {
         };
         on_one_thread(|| self.graphs.prepare(config, plan, &context))
             .unwrap_or_else(|error| Err(GraphProblem::Unusable(error.to_string())))
+    }
+
+    fn graph_context(&self) -> GraphContext<'_> {
+        GraphContext {
+            cast: self.context.opener.cast(),
+            first_pads: self.first_pads,
+            beats_per_bar: self.started.tempo.beats_per_bar.initial(),
+            faults: &self.context.shared.faults,
+        }
+    }
+
+    /// Prepares the change of the show to the graph file `song`; `None` for the graphs of the show.
+    pub(super) fn prepare_song(&self, song: Option<PathBuf>) -> Result<NewGraphs, GraphProblem> {
+        let (config, context) = (&self.current, self.graph_context());
+        on_one_thread(|| {
+            self.graphs
+                .prepare_for(song, config, &config.plan, &context)
+        })
+        .unwrap_or_else(|error| Err(GraphProblem::Unusable(error.to_string())))
+    }
+
+    /// Returns true if songs have graphs of their own.
+    pub(super) fn has_song_graphs(&self) -> bool {
+        self.songs.is_some()
+    }
+
+    /// Prepares the graphs of songs that the show needs next.
+    pub(super) fn update_songs(&mut self) {
+        let Some(mut songs) = self.songs.take() else {
+            return;
+        };
+        songs.update(self);
+        self.songs = Some(songs);
     }
 
     /// Gives the graphs `new` to the show thread, one after the other, and then their labels and
@@ -267,6 +300,14 @@ impl LiveSettings {
                 std::thread::park_timeout(GRAPH_POLL_INTERVAL);
             }
         }
+        if let Some(songs) = &self.songs {
+            songs.count_edit();
+        }
+        self.adopt_graphs(new);
+    }
+
+    /// Gives the labels and clips of `new`, which the show has taken over, to all listeners.
+    pub(super) fn adopt_graphs(&mut self, new: NewGraphs) {
         let ReloadContext {
             opener,
             shared,

@@ -33,6 +33,8 @@ pub(super) enum GraphProblem {
 pub(super) struct GraphFiles {
     /// The graph file of the option `--graph`.
     option: Option<PathBuf>,
+    /// The graph file of the song that is played; `None` for the graphs of the show.
+    song: Option<PathBuf>,
     /// Folder of the show file.
     folder: PathBuf,
     /// The graph file of each dancer that the show uses; `None` for the built-in repertoire.
@@ -51,6 +53,8 @@ pub(super) struct NewGraphs {
     pub(super) cast: Cast,
     /// The graph file of each dancer after the changes.
     files: Vec<Option<PathBuf>>,
+    /// The graph file of the song for which the changes are.
+    song: Option<PathBuf>,
     /// The state of each of these files when it was read.
     read: BTreeMap<PathBuf, FileState>,
 }
@@ -77,6 +81,7 @@ impl GraphFiles {
             read: read.map(|path| (path.clone(), state(path))).collect(),
             changed: BTreeMap::new(),
             option,
+            song: None,
             folder: folder.into(),
             files,
         }
@@ -118,18 +123,37 @@ impl GraphFiles {
         plan: &plan::Settings,
         context: &GraphContext,
     ) -> Result<Option<NewGraphs>, GraphProblem> {
-        let wanted = config.graph_files(self.option.as_deref(), &self.folder);
-        if wanted.len() != self.files.len() {
-            // The number of dancers changes only at a new start.
-            return Ok(None);
-        }
-        let mut loaded: BTreeMap<Option<PathBuf>, Arc<Graph>> = BTreeMap::new();
+        let new = self.prepare_for(self.song.clone(), config, plan, context)?;
+        let has_new = new.files != self.files || new.read != self.read;
+        Ok(has_new.then_some(new))
+    }
+
+    /// Does the same for a show that plays a song with the graph file `song`.
+    ///
+    /// # Errors
+    /// [`GraphProblem`] of the first graph that the show cannot take over.
+    pub(super) fn prepare_for(
+        &self,
+        song: Option<PathBuf>,
+        config: &Config,
+        plan: &plan::Settings,
+        context: &GraphContext,
+    ) -> Result<NewGraphs, GraphProblem> {
+        let option = song.as_deref().or(self.option.as_deref());
+        let wanted = config.graph_files(option, &self.folder);
         let mut new = NewGraphs {
             graphs: Vec::new(),
             cast: context.cast.clone(),
             read: BTreeMap::new(),
             files: wanted.clone(),
+            song,
         };
+        if wanted.len() != self.files.len() {
+            // The number of dancers changes only at a new start.
+            (new.files, new.read) = (self.files.clone(), self.read.clone());
+            return Ok(new);
+        }
+        let mut loaded: BTreeMap<Option<PathBuf>, Arc<Graph>> = BTreeMap::new();
         for (dancer, (file, before)) in wanted.iter().zip(&self.files).enumerate() {
             let now = file.as_deref().and_then(state);
             let is_same = file == before
@@ -153,13 +177,12 @@ impl GraphFiles {
             };
             new.add((dancer, graph), plan, context)?;
         }
-        let has_new = new.files != self.files || new.read != self.read;
-        Ok(has_new.then_some(new))
+        Ok(new)
     }
 
     /// Takes the graph files of `new` as those that the show uses.
     pub(super) fn adopt(&mut self, new: NewGraphs) {
-        (self.files, self.read) = (new.files, new.read);
+        (self.files, self.read, self.song) = (new.files, new.read, new.song);
         self.changed.clear();
     }
 }

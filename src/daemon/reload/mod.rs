@@ -12,6 +12,7 @@ pub(super) mod edits;
 mod graphs;
 mod included;
 mod settling;
+pub(super) mod songs;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -31,9 +32,12 @@ use apply::{Applied, LiveSettings};
 use edits::{Edit, EditResult, EditSender};
 use included::{Found, IncludedFiles};
 use settling::{Change, FileContent, Settling};
+use songs::SongGraphFiles;
 
 /// Interval at which the show-file thread reads the show file.
 const POLL_INTERVAL: Duration = Duration::from_millis(500);
+/// Interval at which the thread looks for the graph that the set list needs next.
+const SONG_INTERVAL: Duration = Duration::from_millis(50);
 /// Longest wait until the show thread has taken over the edit before.
 const READY_TIMEOUT: Duration = Duration::from_secs(1);
 /// Number of consecutive failed reads of the show file after which a warning appears. A single
@@ -58,8 +62,8 @@ pub(super) struct Reload {
 
 impl Reload {
     /// Starts the show-file thread for a show that was started with `config` and `outputs`. Each
-    /// element of `outputs` is the index of a dancer and an output of that dancer's poses. Returns
-    /// `None` if the show has no show file.
+    /// element of `outputs` is the index of a dancer and an output of that dancer's poses. `songs` are
+    /// the graphs of songs, if there are any. Returns `None` if the show has no show file.
     ///
     /// # Errors
     /// The operating system cannot start a thread.
@@ -67,6 +71,7 @@ impl Reload {
         config: &Config,
         outputs: &[(usize, Output)],
         context: ReloadContext,
+        songs: Option<SongGraphFiles>,
     ) -> std::io::Result<Option<Self>> {
         let Some((path, text)) = config.file.clone() else {
             return Ok(None);
@@ -82,7 +87,7 @@ impl Reload {
         let (edits, waiting) = edits::edits();
         let included = IncludedFiles::new(&started.files);
         file.set_included(included.paths());
-        let live = LiveSettings::new(started, outputs, context, folder_of(&path));
+        let live = LiveSettings::new(started, outputs, context, folder_of(&path), songs);
         let watcher = ShowFileWatcher {
             edits: waiting,
             path,
@@ -90,6 +95,7 @@ impl Reload {
             settling: Settling::new(text),
             included,
             missing: 0,
+            polled: None,
             live,
         };
         let worker = Worker::start("show-file", move |stop| watcher.run(stop))?;
@@ -135,6 +141,8 @@ struct ShowFileWatcher {
     included: IncludedFiles,
     /// Number of consecutive reads of the show file that have failed; 0 after a successful read.
     missing: u32,
+    /// Time of the last look at the show file.
+    polled: Option<Instant>,
     live: LiveSettings,
 }
 
@@ -144,8 +152,16 @@ impl ShowFileWatcher {
             while let Ok(edit) = self.edits.try_recv() {
                 edit.reply(self.edit(&edit));
             }
-            self.poll();
-            std::thread::park_timeout(POLL_INTERVAL);
+            if self.polled.is_none_or(|at| at.elapsed() >= POLL_INTERVAL) {
+                self.poll();
+                self.polled = Some(Instant::now());
+            }
+            self.live.update_songs();
+            std::thread::park_timeout(if self.live.has_song_graphs() {
+                SONG_INTERVAL
+            } else {
+                POLL_INTERVAL
+            });
         }
     }
 

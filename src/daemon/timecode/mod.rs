@@ -1,4 +1,4 @@
-//! The lead of timecode over the cue list of a running show. In: readings of timecode from the
+//! The lead of timecode over the cue list or the set list of a running show. In: readings of timecode from the
 //! listeners and the sound, the time. Out: cues into the show's queue, events, the state for displays.
 //! Thread: show. Allocates: never after `new`.
 
@@ -7,6 +7,7 @@ use crate::rt::cue_queue::CueQueue;
 use crate::rt::latest::Latest;
 use corybant_core::cue::list::CueList;
 use corybant_core::cue::list::lead::{LeadStatus, TimecodeLead};
+use corybant_core::cue::set::SetStatus;
 use corybant_core::fault::{Fault, Faults};
 use corybant_core::show::{Event, Show};
 use corybant_core::time::Seconds;
@@ -16,14 +17,17 @@ use super::LedSong;
 use super::listeners::ListenerContext;
 use super::monitor::Monitor;
 use super::samples::Samples;
+use super::songs::SetLeader;
 
 pub(super) mod display;
 
 /// Sends the cues of a cue list when they are due: at the position of timecode, or at the show time
-/// if the show has no timecode.
+/// if the show has no timecode. Leads the set list of a show that has one.
 pub(super) struct ListLeader {
     /// The lead by timecode; `None` if the show has no timecode.
     lead: Option<TimecodeLead>,
+    /// The set list; `None` if the show has one cue list.
+    songs: Option<SetLeader>,
     ltc: Option<LtcFeed>,
     queue: CueQueue,
     /// Number of ignored readings that were counted as faults.
@@ -52,11 +56,27 @@ impl ListLeader {
     pub(super) fn without_timecode(queue: &CueQueue, status: Latest<LeadStatus>) -> Self {
         Self {
             lead: None,
+            songs: None,
             ltc: None,
             queue: queue.clone(),
             ignored: 0,
             status,
         }
+    }
+
+    /// Returns this leader with the set list `songs`.
+    pub(super) fn with_songs(self, songs: Option<SetLeader>) -> Self {
+        Self { songs, ..self }
+    }
+
+    /// Returns the set list.
+    pub(super) fn songs(&mut self) -> Option<&mut SetLeader> {
+        self.songs.as_mut()
+    }
+
+    /// Returns the state of the set list for displays.
+    pub(super) fn set_status(&self) -> Option<SetStatus> {
+        self.songs.as_ref().map(SetLeader::status)
     }
 
     /// Engages or disengages the lead of timecode; `None` reverses the state.
@@ -78,8 +98,12 @@ impl ListLeader {
     ) {
         let queue = &self.queue;
         list.section(show.section(), |cue| queue.push(cue));
+        let mut send = |cue| queue.push(cue);
         let Some(lead) = &mut self.lead else {
-            return list.due(now.0, show.song_beat(), |cue| queue.push(cue));
+            return match &mut self.songs {
+                Some(songs) => songs.tick((now, show), None, &mut send, events),
+                None => list.due(now.0, show.song_beat(), send),
+            };
         };
         samples.read_timecode(now, &mut |reading| lead.receive(&reading));
         if let Some(ltc) = &mut self.ltc {
@@ -89,7 +113,10 @@ impl ListLeader {
             lead.receive(&reading);
         }
         let period = show.music().timeline.period_at(now);
-        lead.tick(now, period, list, &mut |cue| queue.push(cue));
+        match &mut self.songs {
+            Some(songs) => songs.tick((now, show), Some(lead), &mut send, events),
+            None => lead.tick(now, period, list, &mut send),
+        }
         while let Some(event) = lead.next_event() {
             events(Event::Timecode(event));
         }

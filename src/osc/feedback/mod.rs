@@ -53,11 +53,12 @@ impl ShowState {
         })
     }
 
-    /// Stores the state of `show` after a tick (one step of the show). `late_ms` is the 99th
+    /// Stores the state of `show` after a tick (one step of the show), whose status for the first
+    /// dancer is `status`. `late_ms` is the 99th
     /// percentile of the lateness of recent poses (time from a pose's deadline until the pose is
     /// sent), in milliseconds. Does not allocate.
-    pub fn update(&mut self, show: &Show, late_ms: f32) {
-        self.status = show.status(0);
+    pub fn update(&mut self, show: &Show, status: &Status, late_ms: f32) {
+        self.status = *status;
         show.lamps(&mut self.lamps);
         self.late_ms = late_ms;
     }
@@ -120,6 +121,8 @@ pub struct StatePublisher {
     faults: Arc<Faults>,
     /// Names of the show's pads, indexed by label number, and of the clips of the first dancer.
     names: NamesReader,
+    /// Title of each song of the set list.
+    songs: Arc<[String]>,
     start: Instant,
     values: Vec<Value>,
 }
@@ -137,6 +140,7 @@ impl StatePublisher {
             state,
             faults,
             names: NamesReader::fixed(pads, clips),
+            songs: Arc::default(),
             start: Instant::now(),
             values: Vec::new(),
         }
@@ -145,6 +149,11 @@ impl StatePublisher {
     /// Returns this publisher with `names`, which can change during the show.
     pub fn with_names(self, names: NamesReader) -> Self {
         Self { names, ..self }
+    }
+
+    /// Returns this publisher with the titles of the songs of the set list.
+    pub fn with_songs(self, songs: Arc<[String]>) -> Self {
+        Self { songs, ..self }
     }
 
     /// Returns the time since the publisher was created.
@@ -192,6 +201,11 @@ impl StatePublisher {
         };
         let clip = |clip: u32| names.clips.get(clip as usize).cloned().unwrap_or_default();
         let queued = || status.queue.iter().flatten();
+        let set = status.set.unwrap_or_default();
+        let title = |song: Option<u16>| {
+            let song = song.and_then(|song| self.songs.get(usize::from(song)));
+            Value::Text(song.cloned().unwrap_or_default())
+        };
         match readout {
             Readout::Pad(label) => Value::Float(f32::from(lamp(label) as u8) / 2.0),
             Readout::Scene(scene) if status.scene == Some(scene) => Value::Float(1.0),
@@ -225,6 +239,11 @@ impl StatePublisher {
             }
             Readout::From(source) => Value::Float(on(status.source == source)),
             Readout::Frozen => Value::Float(on(status.frozen)),
+            Readout::SetGo => Value::Float(on(set.beats_left.is_some())),
+            Readout::SetHold => Value::Float(on(set.is_held)),
+            Readout::Song => title(set.current),
+            Readout::NextSong => title(set.next),
+            Readout::SongBeat => Value::Int(set.position.beat().unwrap_or(0.0).max(0.0) as i32),
             Readout::Level => Value::Float(rounded(
                 f64::from((1.0 - status.level_db / LEVEL_DB_MIN).clamp(0.0, 1.0)),
                 100.0,

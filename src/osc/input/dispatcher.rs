@@ -312,7 +312,7 @@ fn display(argument: Value) -> String {
         Value::Absent => String::new(),
         Value::Number(number) => number.to_string(),
         Value::Source(source) => source.name().into(),
-        Value::Other => "…".into(),
+        Value::Title(_) | Value::Other => "…".into(),
     }
 }
 

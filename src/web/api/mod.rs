@@ -56,6 +56,8 @@ pub(super) struct ApiNames {
     pub clips: Vec<String>,
     /// Name of each scene, indexed by scene number.
     pub scenes: Vec<String>,
+    /// Title of each song of the set list.
+    pub songs: Vec<String>,
     /// Tempo sources that a client can select.
     pub sources: Vec<&'static str>,
 }
@@ -108,6 +110,7 @@ async fn about(State(api): State<Arc<Api>>, Extension(right): Extension<Right>) 
         "labels": names.labels,
         "clips": names.clips,
         "scenes": names.scenes,
+        "songs": names.songs,
         "sources": names.sources,
         "requests": message::requests().map(|request| json!({
             "post": request.path,

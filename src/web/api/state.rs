@@ -4,8 +4,10 @@
 use serde_json::{Value, json};
 
 use super::ApiNames;
+use crate::web::set_state::SetState;
 use corybant_core::beat::form::section::SectionStart;
 use corybant_core::cue::scene::SceneId;
+use corybant_core::cue::set::SetStatus;
 use corybant_core::graph::Attribute;
 use corybant_core::show::status::Status;
 
@@ -17,7 +19,9 @@ use corybant_core::show::status::Status;
 /// "phrase":{"beat":0..,"beats":n},"intensity":0..1|null,"level_db":dBFS,"music":bool,"held":bool,"panicked":bool,
 /// "motion":"label|free|idle","label":name|null,"clip":name,"next":name,
 /// "scene":name|null,"next_scene":name|null,
-/// "cues":[{"label":name,"dancing":bool,"beats_left":n},…],"warnings":[…]}`. A number that is not
+/// "cues":[{"label":name,"dancing":bool,"beats_left":n},…],"set":{…}|null,"warnings":[…]}`. `set` is
+/// that of the page's snapshots ([`SetState`]) with the titles `song` and `next_song`. A
+/// number that is not
 /// finite becomes `null`.
 pub(super) fn to_json(status: &Status, names: &ApiNames, warnings: Value) -> Value {
     let name_of = |list: &[String], index: usize| list.get(index).cloned();
@@ -58,6 +62,7 @@ pub(super) fn to_json(status: &Status, names: &ApiNames, warnings: Value) -> Val
             "dancing": cue.dancing,
             "beats_left": cue.beats_left,
         })).collect::<Vec<_>>(),
+        "set": status.set.as_ref().map(|set| set_json(set, names)),
         "warnings": warnings,
     })
 }
@@ -68,6 +73,15 @@ fn section(start: SectionStart) -> Value {
         "beat": start.beat,
         "confidence": rounded(start.confidence.into(), 1e2),
     })
+}
+
+fn set_json(set: &SetStatus, names: &ApiNames) -> Value {
+    let state = SetState::of(set);
+    let title = |song: Option<u16>| song.and_then(|song| names.songs.get(usize::from(song)));
+    let mut json = json!(state);
+    json["song"] = json!(title(state.current));
+    json["next_song"] = json!(title(state.next));
+    json
 }
 
 fn rounded(x: f64, scale: f64) -> f64 {

@@ -119,6 +119,7 @@ function hello(message) {
   setup.hello(message);
   record.hello(message);
   $('mode').querySelector('[value="record"]').hidden = !message.takes;
+  $('open-set').hidden = !message.songs?.length;
   const text = JSON.stringify(message);
   if (text === aboutText) return;
   const known = about?.labels ?? message.labels;

@@ -14,7 +14,7 @@ pub enum ClientMessageError {
     /// The message is not JSON, or does not have the form of any known message.
     #[error(
         "not understood: {why}; send one command a message: {{\"cue\":\"label\"}}, {{\"lift\":\"label\"}}, {{\"cancel\":\"label\"}}, {{\"panic\":true}}, {{\"hold\":true}}, \
-         {{\"release\":true}}, {{\"intensity\":0.7}}, {{\"scene\":\"calm\"}}, {{\"tempo\":\"tap\"}}, {{\"learn\":{{\"label\":\"salsa\"}}}}, \
+         {{\"release\":true}}, {{\"intensity\":0.7}}, {{\"scene\":\"calm\"}}, {{\"tempo\":\"tap\"}}, {{\"go\":true}}, {{\"back\":true}}, {{\"jump\":2}}, {{\"set_hold\":true}}, {{\"learn\":{{\"label\":\"salsa\"}}}}, \
          {{\"input_latency\":29}}, {{\"channels\":[1,2]}}, {{\"offset\":{{\"output\":0,\"ms\":40}}}}, {{\"keep\":true}}, {{\"record\":{{\"label\":\"mine\"}}}}, {{\"record_stop\":true}} or {{\"colour\":{{\"group\":\"pads\",\"colour\":\"#ffb52e\"}}}}"
     )]
     Shape {

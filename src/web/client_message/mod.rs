@@ -17,6 +17,7 @@ use corybant_core::cue::control_text::parse_tempo;
 use corybant_core::cue::launch::{Launch, Mode, Quantise};
 use corybant_core::cue::midi::{Control, MapEntry};
 use corybant_core::cue::scene::SceneId;
+use corybant_core::cue::set::{SONGS_MAX, SetCommand, SongRef, TitleKey};
 use corybant_core::cue::take::TakeRequest;
 use corybant_core::cue::{
     Cue, CueNames, DEFAULT_BEATS, DanceCommand, OFFSET_MS_MAX, OutputCommand, find_label,
@@ -70,6 +71,14 @@ pub enum ClientCommand {
     /// `{"tempo":"nudge -10"}`: a tempo command, written as in
     /// [`control_text`](corybant_core::cue::control_text).
     Tempo(String),
+    /// `{"go":true}`: start the next song of the set list.
+    Go(True),
+    /// `{"back":true}`: drop the song that waits for its bar; if none waits, start the song before.
+    Back(True),
+    /// `{"jump":2}` or `{"jump":"title"}`: start this song.
+    Jump(SongName),
+    /// `{"set_hold":true}`: hold the cue list of the song; `false`: let it go on; `null`: the other.
+    SetHold(Option<bool>),
     /// `{"learn":{"label":"salsa"}}`: the next MIDI control that is moved gets this map entry. The
     /// entry may have all keys of a `[[midi.map]]` section. `null`: end the learn session.
     Learn(Option<MapEntry>),
@@ -94,6 +103,16 @@ pub enum ClientCommand {
     RecordUndo(True),
     /// `{"record_rename":"mine"}`: give the last take another label.
     RecordRename(String),
+}
+
+/// A song as a client names it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum SongName {
+    /// The number of the song, from 1.
+    Number(u32),
+    /// The title of the song.
+    Title(String),
 }
 
 /// Request to record a take.
@@ -275,6 +294,10 @@ impl ClientMessages {
             ClientCommand::Scene(name) => Cue::Scene(Some(self.scene(&name)?)),
             ClientCommand::SceneEnd(True) => Cue::Scene(None),
             ClientCommand::Tempo(text) => parse_tempo(&text)?.into(),
+            ClientCommand::Go(True) => SetCommand::Go.into(),
+            ClientCommand::Back(True) => SetCommand::Back.into(),
+            ClientCommand::Jump(song) => SetCommand::Jump(song_ref(&song)?).into(),
+            ClientCommand::SetHold(on) => SetCommand::Hold(on).into(),
             ClientCommand::Learn(entry) => {
                 let entry = entry.map(|entry| self.learn(entry)).transpose()?;
                 return Ok(ClientRequest::Learn(entry));
@@ -411,6 +434,20 @@ fn checked_performer(weight: f32) -> Result<OutputCommand, ClientMessageError> {
         value: f64::from(weight),
         allowed: "0 to 1",
     })
+}
+
+fn song_ref(song: &SongName) -> Result<SongRef, ClientMessageError> {
+    match song {
+        SongName::Title(title) => Ok(SongRef::Title(TitleKey::of(title))),
+        SongName::Number(number) if (1..=SONGS_MAX as u32).contains(number) => {
+            Ok(SongRef::Number(*number))
+        }
+        SongName::Number(number) => Err(ClientMessageError::Range {
+            key: "jump",
+            value: f64::from(*number),
+            allowed: "1 to 1000, or a title",
+        }),
+    }
 }
 
 fn input_latency(ms: f64) -> Result<ClientRequest, ClientMessageError> {

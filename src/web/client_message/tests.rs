@@ -299,7 +299,8 @@ fn every_message_of_the_verb_table_sends_its_command() {
             Command::Nudge => Value::Number(-10.0),
             Command::Bpm => Value::Number(128.0),
             Command::Source => Value::Source(TempoSource::Link),
-            Command::Freeze | Command::Engage => Value::Number(1.0),
+            Command::Freeze | Command::Engage | Command::SetHold => Value::Number(1.0),
+            Command::Jump => Value::Number(2.0),
             Command::Intensity => Value::Number(0.7),
             Command::Performer => Value::Number(0.5),
             Command::Button(_)
@@ -321,6 +322,9 @@ fn messages_survive_a_round_trip() {
         r#"{"intensity":null}"#,
         r#"{"learn":{"label":"!tap"}}"#,
         r#"{"offset":{"output":1,"ms":-40}}"#,
+        r#"{"jump":2}"#,
+        r#"{"jump":"The last song"}"#,
+        r#"{"set_hold":null}"#,
     ] {
         let message = ClientMessage::parse(text).unwrap();
         assert_eq!(serde_json::to_string(&message).unwrap(), text);

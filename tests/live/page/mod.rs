@@ -9,5 +9,6 @@ mod play;
 mod rig;
 mod scenes;
 mod score;
+mod set_list;
 mod stage;
 mod takes;

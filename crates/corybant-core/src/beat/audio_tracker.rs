@@ -138,6 +138,11 @@ impl AudioBeatTracker {
         }
     }
 
+    /// Makes tempi near the beat period `period` (seconds) more probable; `None` ends this.
+    pub(super) fn hint(&mut self, period: Option<f64>) {
+        self.backend.hint(period);
+    }
+
     /// Corrects the bars after input samples were lost. `beats` is the number of beats in the lost
     /// samples; the bars continue as if these beats had been counted.
     pub(super) fn skip_beats(&mut self, beats: i64) {

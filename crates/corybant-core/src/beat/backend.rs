@@ -187,6 +187,15 @@ impl TrackerBackend {
         }
     }
 
+    /// Makes tempi near the beat period `period` (seconds) more probable; `None` ends this. A backend
+    /// that uses a beat detector has no such probabilities and ignores the hint.
+    pub(super) fn hint(&mut self, period: Option<f64>) {
+        match self {
+            Self::Event(_) => {}
+            Self::Activation(tracker) => tracker.hypothesis.hint(period),
+        }
+    }
+
     /// Returns true while there is a beat grid: false before the first grid is found and after the
     /// beats of the music were lost.
     pub(super) fn has_beat(&self) -> bool {

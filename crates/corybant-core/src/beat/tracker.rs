@@ -375,6 +375,19 @@ impl BeatTracker {
         }
     }
 
+    /// Expects the tempo `bpm` in the music that comes: the tracker finds beats of this tempo sooner,
+    /// and beats of another tempo a little later. `None` ends this. Annotated beats do not change.
+    pub fn hint(&mut self, bpm: Option<Bpm>) {
+        if let Source::Audio(tracker) = &mut self.source {
+            tracker.hint(bpm.map(|bpm| bpm.period().0));
+        }
+    }
+
+    /// Returns true while the input contains sound that may be music, and about one second after it.
+    pub fn is_sounding(&self) -> bool {
+        self.level.is_active()
+    }
+
     fn process_hop(&mut self) {
         self.hops += 1;
         let now = self.now();

@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use thiserror::Error;
 
+use super::set::TitleKey;
 use super::take::TakeRequest;
 use super::verbs::{Argument, Command, VERBS, Value, Verb};
 use super::{Cue, find_label};
@@ -157,7 +158,8 @@ pub(super) fn parse_in_list(text: &str, scenes: &[String]) -> Result<Cue, Contro
     if let Some(scene) = parse_scene(text, scenes) {
         return scene;
     }
-    let is_allowed = |verb: &Verb| !is_tempo(verb) && verb.command != Command::Performer;
+    let is_allowed =
+        |verb: &Verb| !is_tempo(verb) && !is_set(verb) && verb.command != Command::Performer;
     match parse_one_of(text, is_allowed)? {
         ControlAction::Button(cue) => Ok(cue),
         ControlAction::Fader(command) => {
@@ -178,14 +180,23 @@ fn is_tempo(verb: &Verb) -> bool {
         .is_some_and(|address| address.starts_with("/tempo/") || address.starts_with("/timecode/"))
 }
 
+/// Returns true if `verb` (an entry of the command table) is a command to the set list.
+fn is_set(verb: &Verb) -> bool {
+    verb.address
+        .is_some_and(|address| address.starts_with("/set/"))
+}
+
 /// Parses `text`, a command without its `!`. Accepts the command only if `allowed` returns true for
 /// its entry in the command table.
 fn parse_one_of(
     text: &str,
     allowed: impl Fn(&Verb) -> bool + Copy,
 ) -> Result<ControlAction, ControlTextError> {
-    let mut parts = text.split_whitespace();
-    let (name, argument) = (parts.next().unwrap_or_default(), parts.next());
+    let text = text.trim();
+    let (name, argument) = match text.split_once(char::is_whitespace) {
+        Some((name, argument)) => (name, Some(argument.trim())),
+        None => (text, None),
+    };
     let verbs = || {
         VERBS
             .iter()
@@ -196,7 +207,9 @@ fn parse_one_of(
         word: verb.word().unwrap_or_default(),
         takes: takes(name, true),
     };
-    if parts.next().is_some() {
+    // Only a title may have spaces.
+    let is_one_word = !argument.is_some_and(|argument| argument.contains(char::is_whitespace));
+    if !is_one_word && verb.command != Command::Jump {
         return Err(wrong());
     }
     // This finds a row of the table whose text ends with this argument, such as `intensity
@@ -240,7 +253,7 @@ fn value(argument: Option<&str>) -> Value {
     TempoSource::named(text)
         .map(Value::Source)
         .or(text.parse().ok().map(Value::Number))
-        .unwrap_or(Value::Other)
+        .unwrap_or_else(|| Value::Title(TitleKey::of(text)))
 }
 
 /// Returns the error for `text`, whose first word is not an allowed command. The error lists all
@@ -288,9 +301,14 @@ fn takes(word: &str, alone: bool) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::set::{SetCommand, SongRef};
     use super::*;
     use crate::cue::{DanceCommand, OutputCommand};
     use crate::time::{Bpm, Seconds};
+
+    fn title(title: &str) -> Cue {
+        SetCommand::Jump(SongRef::Title(TitleKey::of(title))).into()
+    }
 
     #[test]
     fn every_command_is_read() {
@@ -316,6 +334,13 @@ mod tests {
             ("freeze", TempoCommand::Freeze(None).into()),
             ("freeze 1", TempoCommand::Freeze(Some(true)).into()),
             ("freeze 0", TempoCommand::Freeze(Some(false)).into()),
+            ("go", SetCommand::Go.into()),
+            ("back", SetCommand::Back.into()),
+            ("jump 2", SetCommand::Jump(SongRef::Number(2)).into()),
+            ("jump The last  song", title("the last  song")),
+            ("jump link", title("link")),
+            ("set_hold", SetCommand::Hold(None).into()),
+            ("set_hold 0", SetCommand::Hold(Some(false)).into()),
         ] {
             assert_eq!(parse(text), Ok(ControlAction::Button(cue)), "{text}");
         }
@@ -352,6 +377,7 @@ mod tests {
                 .replace("BEATS_PER_MINUTE", "128")
                 .replace("NAME", "link")
                 .replace("NUMBER", "0.5")
+                .replace("SONG", "2")
                 .replace("[1|0]", "1");
             let argument = text.split_whitespace().nth(1);
             let expected = match verb.command {
@@ -433,6 +459,14 @@ mod tests {
             ("source 1", "`source` takes"),
             ("source radio", "`source` takes"),
             ("freeze link", "`freeze` takes 1, 0 or nothing"),
+            (
+                "jump",
+                "`jump` takes the number of a song (1 to 1000) or its title",
+            ),
+            ("jump 0", "`jump` takes"),
+            ("jump 1.5", "`jump` takes"),
+            ("go 1", "`go` takes no argument"),
+            ("set_hold link", "`set_hold` takes 1, 0 or nothing"),
         ] {
             let error = parse(text).unwrap_err().to_string();
             assert!(error.starts_with(message), "{text}: {error}");
@@ -443,7 +477,7 @@ mod tests {
     fn an_unknown_command_is_refused_with_what_is_allowed() {
         assert_eq!(
             parse("triple").unwrap_err().to_string(),
-            "unknown command `triple`; allowed are scene SCENE, scene_end, panic, hold, release, intensity NUMBER, performer NUMBER, follow, tap, nudge MILLISECONDS, half, double, downbeat, bpm BEATS_PER_MINUTE, source NAME, freeze [1|0], timecode [1|0], record_stop, record_undo"
+            "unknown command `triple`; allowed are scene SCENE, scene_end, panic, hold, release, intensity NUMBER, performer NUMBER, follow, tap, nudge MILLISECONDS, half, double, downbeat, bpm BEATS_PER_MINUTE, source NAME, freeze [1|0], timecode [1|0], go, back, jump SONG, set_hold [1|0], record_stop, record_undo"
         );
         assert!(
             parse("")
@@ -452,7 +486,7 @@ mod tests {
                 .starts_with("unknown command ``")
         );
         let long = parse(&"x".repeat(1000)).unwrap_err().to_string();
-        assert!(long.len() < 310, "{long}");
+        assert!(long.len() < 370, "{long}");
     }
 
     #[test]

@@ -15,6 +15,7 @@
 //! | `launch`, `schedule` | how a label is launched, and which label is wanted on each beat |
 //! | `list`, `recorder` | cue lists: reading and writing them |
 //! | `scene` | named states of a show: the section `[[scene]]` |
+//! | `set` | set lists: songs with their cue lists, played one after the other |
 //! | `take` | requests to record a live performer |
 //! | `labels` | label names in OSC addresses |
 
@@ -29,6 +30,7 @@ pub mod osc;
 pub mod recorder;
 pub mod scene;
 pub mod schedule;
+pub mod set;
 pub mod take;
 pub mod tempo_limits;
 pub mod verb_docs;
@@ -41,6 +43,7 @@ use crate::graph::{LabelId, NodeId};
 use crate::tempo::command::TempoCommand;
 use crate::tempo::source::TimestampedMessage;
 use crate::time::Seconds;
+use set::SetCommand;
 
 pub use labels::{CueNames, find_label, osc_name, osc_names};
 pub use launch::Launch;
@@ -81,6 +84,9 @@ pub enum Cue {
     /// Recalls the scene with this number; `None` ends the scene that is on and drops the one that
     /// waits.
     Scene(Option<SceneId>),
+    /// A command to the set list, such as GO. The program that has the set list does it; a show by
+    /// itself does nothing.
+    Set(SetCommand),
 }
 
 /// A command to the dancers, such as to dance a label or to return to idle.
@@ -161,6 +167,12 @@ impl From<TimestampedMessage> for Cue {
 impl From<OutputCommand> for Cue {
     fn from(command: OutputCommand) -> Self {
         Self::Output(command)
+    }
+}
+
+impl From<SetCommand> for Cue {
+    fn from(command: SetCommand) -> Self {
+        Self::Set(command)
     }
 }
 

@@ -108,6 +108,7 @@ impl Recorder {
             Cue::Scene(None) => Some(format!("{when} !scene_end")),
             Cue::Tempo(_)
             | Cue::TempoMessage(_)
+            | Cue::Set(_)
             | Cue::Output(OutputCommand::Offset(_))
             | Cue::Output(OutputCommand::LookAhead(_) | OutputCommand::Performer(_)) => None,
         }

@@ -23,24 +23,32 @@ pub fn limited(command: TempoCommand, bpm_range: &RangeInclusive<f64>) -> Option
             .0
             .is_finite()
             .then(|| TempoCommand::Nudge(Seconds(shift.0.clamp(-nudge_s_max, nudge_s_max)))),
-        TempoCommand::Tempo(Bpm(mut bpm)) if BPM_ALLOWED.contains(&bpm) => {
-            while bpm < *bpm_range.start() {
-                bpm *= 2.0;
-            }
-            while bpm > *bpm_range.end() {
-                bpm /= 2.0;
-            }
-            Some(TempoCommand::Tempo(Bpm(bpm)))
-        }
-        TempoCommand::Tempo(_) => None,
+        TempoCommand::Tempo(bpm) => Some(TempoCommand::Tempo(in_range(bpm, bpm_range)?)),
+        TempoCommand::Hint(Some(bpm)) => Some(TempoCommand::Hint(Some(in_range(bpm, bpm_range)?))),
         TempoCommand::Tap
         | TempoCommand::Half
         | TempoCommand::Double
         | TempoCommand::Downbeat
         | TempoCommand::Source(_)
         | TempoCommand::Freeze(_)
-        | TempoCommand::Engage(_) => Some(command),
+        | TempoCommand::Engage(_)
+        | TempoCommand::Hint(None) => Some(command),
     }
+}
+
+/// Returns `bpm`, doubled or halved until it is in `bpm_range`; `None` if it is outside of
+/// [`BPM_ALLOWED`].
+fn in_range(Bpm(mut bpm): Bpm, bpm_range: &RangeInclusive<f64>) -> Option<Bpm> {
+    if !BPM_ALLOWED.contains(&bpm) {
+        return None;
+    }
+    while bpm < *bpm_range.start() {
+        bpm *= 2.0;
+    }
+    while bpm > *bpm_range.end() {
+        bpm /= 2.0;
+    }
+    Some(Bpm(bpm))
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::launch::Launch;
 use super::scene::SceneId;
+use super::set::SetCommand;
 use super::{Cue, DanceCommand, OutputCommand, Place};
 use crate::graph::LabelId;
 use crate::tempo::command::TempoCommand;
@@ -33,6 +34,7 @@ pub(super) enum WireCue {
     Performer(f32),
     Follow(Option<Place>),
     Scene(Option<SceneId>),
+    Set(SetCommand),
 }
 
 impl From<Cue> for WireCue {
@@ -52,6 +54,7 @@ impl From<Cue> for WireCue {
             Cue::Output(OutputCommand::LookAhead(ahead)) => Self::LookAhead(ahead),
             Cue::Output(OutputCommand::Performer(weight)) => Self::Performer(weight),
             Cue::Scene(scene) => Self::Scene(scene),
+            Cue::Set(command) => Self::Set(command),
         }
     }
 }
@@ -73,6 +76,7 @@ impl From<WireCue> for Cue {
             WireCue::Performer(weight) => OutputCommand::Performer(weight).into(),
             WireCue::Follow(place) => DanceCommand::Follow(place).into(),
             WireCue::Scene(scene) => Cue::Scene(scene),
+            WireCue::Set(command) => command.into(),
         }
     }
 }
@@ -80,6 +84,7 @@ impl From<WireCue> for Cue {
 #[cfg(test)]
 mod tests {
     use super::super::launch::{Mode, Quantise};
+    use super::super::set::SongRef;
     use super::*;
     use crate::tempo::source::{TempoMessage, TempoSource};
     use crate::time::Bpm;
@@ -102,7 +107,7 @@ mod tests {
             message: TempoMessage::Position(3),
         };
         let with = |head: &[u8], tail: &[u8]| [head, tail].concat();
-        let cues: [(Cue, Vec<u8>); 18] = [
+        let cues: [(Cue, Vec<u8>); 22] = [
             (Cue::Scene(None), vec![13, 0]),
             (Cue::Scene(Some(300)), vec![13, 1, 0xac, 2]),
             (
@@ -142,6 +147,16 @@ mod tests {
                 }))
                 .into(),
                 vec![12, 1, 1, 0xac, 2],
+            ),
+            (SetCommand::Go.into(), vec![13, 0]),
+            (
+                SetCommand::Jump(SongRef::Number(3)).into(),
+                vec![13, 2, 0, 3],
+            ),
+            (SetCommand::Hold(Some(true)).into(), vec![13, 3, 1, 1]),
+            (
+                TempoCommand::Hint(Some(Bpm(0.5))).into(),
+                with(&[6, 9, 1], &half_second),
             ),
         ];
         for (cue, bytes) in cues {

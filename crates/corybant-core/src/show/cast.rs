@@ -205,6 +205,19 @@ impl Cast {
         Ok(cast)
     }
 
+    /// Returns the cast with `pads` as the names of its first pads, and its other pads after them. A
+    /// pad whose label no dancer has cues nothing.
+    #[must_use]
+    pub fn with_pads(mut self, pads: &[String]) -> Self {
+        let own = std::mem::replace(&mut self.pads, pads.to_vec());
+        for pad in own {
+            if !self.pads.contains(&pad) {
+                self.pads.push(pad);
+            }
+        }
+        self
+    }
+
     /// Returns the names of all pads (buttons that send cues), indexed by pad number. A shared pad,
     /// which can cue several dancers, has the name of its label. A pad of one dancer is named
     /// `DANCER/LABEL`.

@@ -7,6 +7,7 @@ use smpte_timecode::Timecode;
 
 use crate::cue::CueNames;
 use crate::cue::scene::SceneId;
+use crate::cue::set::SetEvent;
 use crate::graph::{Attribute, LabelId};
 use crate::tempo::source::TempoSource;
 use crate::timecode::{TimecodeEvent, rate_name};
@@ -42,6 +43,8 @@ pub enum Event {
     Timecode(TimecodeEvent),
     /// The scene with this number has begun.
     Scene(SceneId),
+    /// The set list has changed its song or its state.
+    Set(SetEvent),
     /// A dancer changes to motion with another attribute (a label, idle or unlabelled).
     Dancing {
         /// Number of the dancer, counted from 0.
@@ -115,6 +118,7 @@ impl Event {
             Event::Frozen(false) => "tempo follows its source again".into(),
             Event::Timecode(event) => timecode(event),
             Event::Scene(scene) => format!("scene {} begins", in_list(names.scenes, scene)),
+            Event::Set(event) => set(event),
             Event::Dancing {
                 dancer,
                 beat,
@@ -159,6 +163,19 @@ fn timecode(event: TimecodeEvent) -> String {
         }
         TimecodeEvent::Engaged(true) => "timecode leads the cue list".into(),
         TimecodeEvent::Engaged(false) => "timecode disengaged: the cue list waits".into(),
+    }
+}
+
+/// Returns a sentence about a change of the set list.
+fn set(event: SetEvent) -> String {
+    match event {
+        SetEvent::Started(song) => format!("song {song} begins"),
+        SetEvent::Waiting(song) => format!("song {song} waits for its bar"),
+        SetEvent::Dropped(song) => format!("song {song} no longer waits"),
+        SetEvent::AtEnd(song) => format!("GO without a next song: song {song} is the last"),
+        SetEvent::NoSong => "a command names a song that is not in the set list".into(),
+        SetEvent::Held(true) => "the cue list of the song is held; the dance goes on".into(),
+        SetEvent::Held(false) => "the cue list of the song goes on".into(),
     }
 }
 

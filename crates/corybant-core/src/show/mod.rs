@@ -274,7 +274,7 @@ impl Show {
             match cue {
                 Cue::Tempo(command) => self.apply_to_tempo(now, command),
                 Cue::TempoMessage(message) => self.tempo.receive(&message),
-                Cue::Dance(_) | Cue::Output(_) | Cue::Scene(_) => {}
+                Cue::Dance(_) | Cue::Output(_) | Cue::Scene(_) | Cue::Set(_) => {}
             }
         }
     }
@@ -321,7 +321,11 @@ impl Show {
             for &cue in cues {
                 match cue {
                     Cue::Dance(command) => lead.apply(command, state, &context, &mut self.events),
-                    Cue::Tempo(_) | Cue::TempoMessage(_) | Cue::Output(_) | Cue::Scene(_) => {}
+                    Cue::Tempo(_)
+                    | Cue::TempoMessage(_)
+                    | Cue::Output(_)
+                    | Cue::Scene(_)
+                    | Cue::Set(_) => {}
                 }
             }
             lead.tick(state, &context, &mut self.events);

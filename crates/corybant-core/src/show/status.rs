@@ -5,6 +5,7 @@
 use crate::beat::form::section::Form;
 use crate::cue::scene::SceneId;
 pub use crate::cue::schedule::{QUEUE_SHOWN_MAX, QueuedCue};
+use crate::cue::set::SetStatus;
 use crate::dsp::sound_check::SoundCheck;
 use crate::graph::Attribute;
 use crate::tempo::source::{SourceState, TempoSource};
@@ -96,6 +97,8 @@ pub struct Status {
     /// one first. Then come, in their order, the cues that were launched with the option *queue*
     /// and wait until all others have ended. Entries after the last cue are `None`.
     pub queue: [Option<QueuedCue>; QUEUE_SHOWN_MAX],
+    /// The state of the set list, which the program that has one adds; `None` without a set list.
+    pub set: Option<SetStatus>,
 }
 
 /// The tempo and beats of a show at one time, for programs that follow them.
@@ -157,6 +160,7 @@ impl Default for Status {
             scene: None,
             next_scene: None,
             queue: [None; QUEUE_SHOWN_MAX],
+            set: None,
         }
     }
 }
@@ -187,6 +191,12 @@ impl Show {
     /// Returns the weight of live performers that a cue has set, 0 (danced) to 1 (performed).
     pub fn performer_weight(&self) -> f32 {
         self.performer_weight
+    }
+
+    /// Returns true while the audio input contains sound that may be music, and about one second
+    /// after it.
+    pub fn is_sounding(&self) -> bool {
+        self.tempo.is_sounding()
     }
 
     /// Returns the state of the show and of the dancer with index `dancer` at the last tick. For an
@@ -226,6 +236,7 @@ impl Show {
             scene,
             next_scene,
             queue: lead.queue,
+            set: None,
         }
     }
 

@@ -35,6 +35,9 @@ pub enum TempoCommand {
     /// Engage: `Some(true)` lets timecode lead the cue list, `Some(false)` ends that; `None`
     /// switches between the two. The program that has the cue list applies it.
     Engage(Option<bool>),
+    /// Hint: the song that comes has this tempo. The beat tracker finds beats of this tempo sooner,
+    /// but also finds another tempo; nothing else changes. `None` ends this.
+    Hint(Option<Bpm>),
 }
 
 /// A converter from a performer's tempo commands to edits of the beat grid. It is the only
@@ -69,7 +72,10 @@ impl CommandResolver {
             TempoCommand::Double => Some(GridEdit::ScalePeriod(0.5)),
             TempoCommand::Downbeat => Some(GridEdit::Downbeat),
             TempoCommand::Tempo(bpm) => self.range.fold(bpm.period().0).map(GridEdit::SetPeriod),
-            TempoCommand::Source(_) | TempoCommand::Freeze(_) | TempoCommand::Engage(_) => None,
+            TempoCommand::Source(_)
+            | TempoCommand::Freeze(_)
+            | TempoCommand::Engage(_)
+            | TempoCommand::Hint(_) => None,
         }
     }
 }

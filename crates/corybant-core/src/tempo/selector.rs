@@ -109,6 +109,7 @@ impl TempoSelector {
             TempoCommand::Freeze(on) => {
                 self.freeze(on.unwrap_or(!self.external.is_frozen()), now.0);
             }
+            TempoCommand::Hint(bpm) => self.tracker.hint(bpm),
             _ if self.follows_audio() => {
                 if let Some(edit) = self.commands.resolve(command, sound.0) {
                     self.tracker.apply(edit, sound);
@@ -244,6 +245,12 @@ impl TempoSelector {
     /// Returns the level of the audio input, in dBFS; see [`BeatTracker::level_db`].
     pub fn level_db(&self) -> f32 {
         self.tracker.level_db()
+    }
+
+    /// Returns true while the audio input contains sound that may be music; see
+    /// [`BeatTracker::is_sounding`].
+    pub fn is_sounding(&self) -> bool {
+        self.tracker.is_sounding()
     }
 
     /// Returns the sound check of the audio input: peak, clipping and mains hum.

@@ -2,6 +2,8 @@
 //! source. In: readings of timecode, the time, a cue list. Out: cues; messages of the tempo source
 //! "timecode". Thread: show. Allocates: only in `new`.
 
+use std::sync::Arc;
+
 use super::CueList;
 use crate::cue::Cue;
 use crate::tempo::source::{TempoMessage, TimestampedMessage};
@@ -19,13 +21,13 @@ const REVERSE_STEP_S: f64 = 0.1;
 
 /// The times of the beats of a song.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct SongBeats(Vec<f64>);
+pub struct SongBeats(Arc<[f64]>);
 
 impl SongBeats {
     /// Creates the beats at `times`, in seconds, in ascending order. With fewer than two times there
     /// are no beats.
     pub fn new(times: Vec<f64>) -> Self {
-        Self(if times.len() < 2 { Vec::new() } else { times })
+        Self(if times.len() < 2 { Vec::new() } else { times }.into())
     }
 
     /// Returns the beat at `time`, counted from 0, and the beat period there, in seconds. Before the
@@ -120,6 +122,50 @@ impl TimecodeLead {
         self.events.pop_at(0)
     }
 
+    /// Leads another song from now on, which begins at the timecode `offset` and has these beats.
+    pub fn follow(&mut self, offset: Offset, beats: &SongBeats) {
+        self.offset = offset;
+        self.beats = beats.clone();
+        self.followed = None;
+    }
+
+    /// Returns the index of the song in whose place timecode runs at the show time `now`, and the
+    /// number of jumps of timecode so far. `starts` are the beginnings of the songs; the place of a
+    /// song ends where another begins. `None` without running timecode, before all songs, or if
+    /// timecode does not lead.
+    pub fn song_at(
+        &self,
+        now: Seconds,
+        starts: impl Iterator<Item = Option<Offset>>,
+    ) -> Option<(usize, u32)> {
+        let position = self.clock.position(now);
+        if !self.is_engaged || !position.state.runs() {
+            return None;
+        }
+        let since = |start: Offset| {
+            let time = since_offset(&position, start);
+            (time >= 0.0).then_some(time)
+        };
+        let passed = starts
+            .enumerate()
+            .filter_map(|(song, start)| Some((song, since(start?)?)));
+        let (song, _) = passed.min_by(|a, b| a.1.total_cmp(&b.1))?;
+        Some((song, position.locates))
+    }
+
+    /// Returns the position in the song at the show time `now`: beats, if the song has beats, and
+    /// seconds. Both are `None` before the first timecode.
+    pub fn song_position(&self, now: Seconds) -> (Option<f64>, Option<f64>) {
+        let song = self.status(now).song;
+        let beat = song.and_then(|song| self.beats.at(song));
+        (beat.map(|(beat, _)| beat), song)
+    }
+
+    /// Advances to the show time `now` while another source leads the cue list.
+    pub fn watch(&mut self, now: Seconds) {
+        self.report(&self.clock.position(now));
+    }
+
     /// Returns the state at the show time `now`, for displays.
     pub fn status(&self, now: Seconds) -> LeadStatus {
         let position = self.clock.position(now);
@@ -134,8 +180,7 @@ impl TimecodeLead {
     /// Returns the position in the song, in seconds: from half a day before its start to half a day
     /// after it.
     fn song_time(&self, position: &Position) -> f64 {
-        let song = position.seconds - self.offset.seconds(position.rate);
-        (song + 0.5 * DAY_S).rem_euclid(DAY_S) - 0.5 * DAY_S
+        since_offset(position, self.offset)
     }
 
     /// Advances to the show time `now`. Calls `send` for each cue of `list` that is due at the
@@ -210,4 +255,11 @@ impl TimecodeLead {
             self.tell(TimecodeEvent::Located(frame));
         }
     }
+}
+
+/// Returns the seconds from the timecode `offset` to `position`: from half a day before it to half a
+/// day after it.
+fn since_offset(position: &Position, offset: Offset) -> f64 {
+    let since = position.seconds - offset.seconds(position.rate);
+    (since + 0.5 * DAY_S).rem_euclid(DAY_S) - 0.5 * DAY_S
 }

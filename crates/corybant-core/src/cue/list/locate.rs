@@ -11,10 +11,14 @@ use arrayvec::ArrayVec;
 use super::{CueList, LEAD_BEATS, When};
 use crate::cue::launch::{Launch, Mode, Quantise};
 use crate::cue::scene::SceneId;
-use crate::cue::{Cue, DanceCommand};
+use crate::cue::{Cue, DanceCommand, REACH_BEATS_MAX};
 
 /// The greatest number of labels in force; a dancer has no more cues either.
 const IN_FORCE_MAX: usize = 16;
+
+/// The greatest number of beats from a launch that waits for the start of some bars to its first
+/// danced beat.
+const WAIT_BEATS_MAX: u32 = 40;
 
 /// A launch that is in force.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -162,6 +166,43 @@ impl CueList {
         }
     }
 
+    /// Ends the list where it is: calls `send` for the cues that cancel what the sent cues have in
+    /// force. Afterwards the list can begin again. `period` is the present beat period in seconds.
+    pub fn end(&mut self, period: f64, mut send: impl FnMut(Cue)) {
+        let effect = self.before.map(|at| self.effect_of_sent(at, period));
+        let effect = effect.unwrap_or_default();
+        self.before = None;
+        self.given.fill(false);
+        change(&effect, &Effect::default(), false, &mut |command| {
+            send(command.into());
+        });
+    }
+
+    /// Returns what the sent cues have set at the time `time` (seconds) and the beat `beat`.
+    fn effect_of_sent(&self, (time, beat): (f64, Option<f64>), period: f64) -> Effect {
+        let mut effect = Effect::default();
+        for (i, ((when, cue), given)) in self.entries.iter().zip(&self.given).enumerate() {
+            let (true, Cue::Dance(command)) = (*given, *cue) else {
+                continue;
+            };
+            let beats = match *when {
+                When::Time(at) => (time - at) / period.max(1e-3),
+                When::Beat(at) => beat.map_or(0.0, |beat| beat - (at - LEAD_BEATS)),
+                When::Section(_) => continue,
+            };
+            effect.apply(i, command, beats);
+        }
+        effect.launches.retain(|it| {
+            let waits = match it.launch.quantise {
+                Quantise::Now | Quantise::Beat => REACH_BEATS_MAX,
+                _ => WAIT_BEATS_MAX,
+            };
+            let ends = matches!(it.launch.mode, Mode::Trigger | Mode::Gate);
+            !ends || it.beats < f64::from(it.launch.beats + waits)
+        });
+        effect
+    }
+
     /// Returns what the cues up to the time `time` have set there.
     fn effect_at(&self, time: f64, beats: &dyn Fn(f64, f64) -> f64) -> Effect {
         let mut effect = Effect::default();
@@ -175,7 +216,7 @@ impl CueList {
             match *cue {
                 Cue::Dance(command) => effect.apply(i, command, beats(at, time)),
                 Cue::Scene(scene) => effect.scene = scene,
-                Cue::Tempo(_) | Cue::TempoMessage(_) | Cue::Output(_) => {}
+                Cue::Tempo(_) | Cue::TempoMessage(_) | Cue::Output(_) | Cue::Set(_) => {}
             }
         }
         effect.launches.retain(|it| {

@@ -83,7 +83,7 @@ pub struct CueList {
 
 impl CueList {
     /// Parses the text of a cue list; `names` are the labels of the motion graph and the scenes of
-    /// the show.
+    /// the show. No cue can name a label with an empty name.
     ///
     /// # Errors
     /// One error for each line that cannot be parsed or has an unknown label.
@@ -250,14 +250,14 @@ pub fn read_line<'a>(
     }
     // A label may contain spaces, so the longest label at the start of the text is used.
     let label = (0..labels.len())
-        .filter(|&i| begins_with(rest, &labels[i]))
+        .filter(|&i| !labels[i].is_empty() && begins_with(rest, &labels[i]))
         .max_by_key(|&i| labels[i].len());
     let Some(label) = label else {
         let word = rest.split_whitespace().next().unwrap_or_default();
         return Err(format!(
             "unknown label `{word}`: the graph has {}{}",
-            labels.join(", "),
-            did_you_mean(word, labels.iter().map(String::as_str))
+            known(labels).collect::<Vec<_>>().join(", "),
+            did_you_mean(word, known(labels))
         ));
     };
     let mut launch = Launch::plain(label as LabelId);
@@ -272,6 +272,14 @@ pub fn read_line<'a>(
     // Nobody releases a pad in a cue list, so a gate is held for its beats.
     launch.held_beats = (launch.mode == Mode::Gate).then_some(launch.beats);
     Ok(Some((when, Cue::Dance(DanceCommand::Launch(launch)))))
+}
+
+/// Returns the labels that exist: an empty name stands for a label that the graph lacks.
+fn known(labels: &[String]) -> impl Iterator<Item = &str> {
+    labels
+        .iter()
+        .map(String::as_str)
+        .filter(|label| !label.is_empty())
 }
 
 /// Replaces the second, fourth, sixth ... `repeat` cue of each label by a cue that releases the pad

@@ -199,9 +199,12 @@ pub(in crate::cue) fn button(cue: Cue, velocity: u8) -> Option<Cue> {
                 ..launch
             }))
         }
-        Cue::Dance(_) | Cue::Tempo(_) | Cue::TempoMessage(_) | Cue::Output(_) | Cue::Scene(_) => {
-            (velocity > 0).then_some(cue)
-        }
+        Cue::Dance(_)
+        | Cue::Tempo(_)
+        | Cue::TempoMessage(_)
+        | Cue::Output(_)
+        | Cue::Scene(_)
+        | Cue::Set(_) => (velocity > 0).then_some(cue),
     }
 }
 

@@ -6,6 +6,7 @@
 use rosc::{OscError, OscPacket, OscType, decoder};
 use thiserror::Error;
 
+use crate::cue::set::TitleKey;
 use crate::cue::verbs::Value;
 use crate::tempo::source::TempoSource;
 
@@ -116,7 +117,9 @@ fn value(arg: &OscType) -> Value {
         &OscType::Float(x) => Value::Number(f64::from(x)),
         &OscType::Long(x) => Value::Number(x as f64),
         &OscType::Double(x) => Value::Number(x),
-        OscType::String(text) => TempoSource::named(text).map_or(Value::Other, Value::Source),
+        OscType::String(text) => {
+            TempoSource::named(text).map_or_else(|| Value::Title(TitleKey::of(text)), Value::Source)
+        }
         _ => Value::Other,
     }
 }
@@ -171,7 +174,7 @@ mod tests {
             (OscType::Bool(false), Value::Number(0.0)),
             (OscType::Nil, Value::Number(0.0)),
             (OscType::Inf, Value::Number(1.0)),
-            (OscType::String("1".into()), Value::Other),
+            (OscType::String("1".into()), Value::Title(TitleKey::of("1"))),
             (
                 OscType::String("link".into()),
                 Value::Source(TempoSource::Link),
@@ -247,6 +250,7 @@ mod tests {
                     Some(OscType::Int(x)) => Value::Number(f64::from(*x)),
                     Some(OscType::Float(x)) => Value::Number(f64::from(*x)),
                     Some(OscType::Bool(x)) => Value::Number(f64::from(u8::from(*x))),
+                    Some(OscType::String(text)) => Value::Title(TitleKey::of(text)),
                     Some(_) => Value::Other,
                 };
                 to.push((message.addr, argument));

@@ -14,6 +14,7 @@ use std::fmt;
 
 use super::launch::Launch;
 use super::scene::SceneId;
+use super::set::{SONGS_MAX, SetCommand, SongRef, TitleKey};
 use super::tempo_limits::{BPM_ALLOWED, NUDGE_MS_MAX};
 use super::{Cue, DanceCommand, OFFSET_MS_MAX, OutputCommand};
 use crate::graph::LabelId;
@@ -80,6 +81,10 @@ pub enum Command {
     Timecode,
     /// Beat: reports one beat of the tempo source "osc"; see [`beat`](super::osc::beat).
     Beat,
+    /// Jump: starts the song of the set list that the argument names.
+    Jump,
+    /// Holds the cue list of the song, or ends this.
+    SetHold,
     /// Sync: requests that the values of all OSC addresses are sent again.
     Sync,
 }
@@ -93,7 +98,9 @@ pub enum Value {
     Number(f64),
     /// Source: a text that is the name of a tempo source.
     Source(TempoSource),
-    /// Other: any other argument, such as another text, a blob or an array.
+    /// Title: any other text, which may be the title of a song.
+    Title(TitleKey),
+    /// Other: any other argument, such as a blob or an array.
     Other,
 }
 
@@ -116,6 +123,8 @@ pub enum Argument {
     },
     /// Source: the name of a tempo source, such as `midi`.
     Source,
+    /// Song: the number of a song, counted from 1, or its title.
+    Song,
     /// Timecode: a frame or a time in seconds.
     Timecode,
 }
@@ -181,6 +190,16 @@ pub enum Readout {
     NextSection,
     /// The place of the beat in its phrase.
     PhraseBeat,
+    /// 1 while a song of the set list waits for its bar or beat, otherwise 0.
+    SetGo,
+    /// 1 while the cue list of the song is held, otherwise 0.
+    SetHold,
+    /// Title of the song that is played.
+    Song,
+    /// Title of the song that GO starts.
+    NextSong,
+    /// Number of whole beats since the first beat of the song.
+    SongBeat,
     /// Level of the audio input, 0 (-60 dBFS or less) to 1 (full scale).
     Level,
     /// Lateness of the poses, in milliseconds: 99 of 100 recent poses were sent at most this long
@@ -216,7 +235,8 @@ impl Command {
             Self::Nudge => number(-NUDGE_MS_MAX, NUDGE_MS_MAX, "milliseconds"),
             Self::Bpm => number(*BPM_ALLOWED.start(), *BPM_ALLOWED.end(), "beats per minute"),
             Self::Source => Argument::Source,
-            Self::Freeze | Self::Engage => Argument::Switch,
+            Self::Freeze | Self::Engage | Self::SetHold => Argument::Switch,
+            Self::Jump => Argument::Song,
             Self::Timecode => Argument::Timecode,
         }
     }
@@ -251,6 +271,11 @@ impl Command {
             (Self::Engage, Value::Number(on)) if on.is_finite() => {
                 TempoCommand::Engage(Some(on > 0.0)).into()
             }
+            (Self::Jump, value) => SetCommand::Jump(song(value)?).into(),
+            (Self::SetHold, Value::Absent) => SetCommand::Hold(None).into(),
+            (Self::SetHold, Value::Number(on)) if on.is_finite() => {
+                SetCommand::Hold(Some(on > 0.0)).into()
+            }
             _ => return None,
         })
     }
@@ -283,6 +308,20 @@ impl Command {
     }
 }
 
+/// Returns the song that the argument `value` names: a whole number from 1 to
+/// [`SONGS_MAX`], or a title. `None` for any other argument.
+fn song(value: Value) -> Option<SongRef> {
+    match value {
+        Value::Number(x) if x.fract() == 0.0 && (1.0..=SONGS_MAX as f64).contains(&x) => {
+            Some(SongRef::Number(x as u32))
+        }
+        Value::Title(key) => Some(SongRef::Title(key)),
+        // A song may have the name of a tempo source.
+        Value::Source(source) => Some(SongRef::Title(TitleKey::of(source.name()))),
+        Value::Number(_) | Value::Absent | Value::Other => None,
+    }
+}
+
 impl Readout {
     /// Returns this value with `scene` as its scene. A value that belongs to no scene is returned
     /// unchanged.
@@ -311,7 +350,7 @@ impl Argument {
             Self::Button | Self::Switch => Shape::Unit,
             Self::Number { min, max, .. } if (min, max) == (0.0, 1.0) => Shape::Unit,
             Self::Number { min, max, .. } => Shape::Number(min, max),
-            Self::Source | Self::Timecode => Shape::Text,
+            Self::Source | Self::Song | Self::Timecode => Shape::Text,
         }
     }
 }
@@ -328,6 +367,7 @@ impl fmt::Display for Argument {
                 write!(f, "a number from {min} to {max} ({unit})")
             }
             Self::Source => write!(f, "{}", TempoSource::NAMES),
+            Self::Song => f.write_str("the number of a song (1 to 1000) or its title"),
             Self::Timecode => f.write_str(TIMECODE_TAKES),
         }
     }

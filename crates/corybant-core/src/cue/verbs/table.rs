@@ -4,6 +4,7 @@
 
 use super::{Command, Readout, ReadoutAddress, Shape, Verb};
 use crate::cue::launch::{Launch, Mode, Quantise};
+use crate::cue::set::SetCommand;
 use crate::cue::tempo_limits::BPM_ALLOWED;
 use crate::cue::{Cue, DEFAULT_BEATS, DanceCommand};
 use crate::tempo::command::TempoCommand;
@@ -98,7 +99,7 @@ const fn source(
 /// of the OSC addresses are reported: first, label by label, the values of the commands for a
 /// label, then the values of the other commands.
 #[rustfmt::skip]
-pub const VERBS: [Verb; 46] = [
+pub const VERBS: [Verb; 50] = [
     launch("/cue/LABEL", PLAIN,
         "LABEL", r#"{"cue":"LABEL"}"#, "dance LABEL for 8 beats"),
     launch("/cue/LABEL/trigger", PLAIN,
@@ -192,6 +193,14 @@ pub const VERBS: [Verb; 46] = [
         "", "", "the timecode is here now, where `[timecode] source` is \"osc\"; an optional last argument is the frame rate"),
     verb("/timecode/engage", Command::Engage,
         "!timecode [1|0]", r#"{"tempo":"timecode 1"}"#, "timecode leads the cue list, until 0; without a number, toggle"),
+    reporting(verb("/set/go", Command::Button(Cue::Set(SetCommand::Go)),
+        "!go", r#"{"go":true}"#, "start the next song of the set list"), Readout::SetGo),
+    verb("/set/back", Command::Button(Cue::Set(SetCommand::Back)),
+        "!back", r#"{"back":true}"#, "drop the song that waits for its bar; if none waits, start the song before"),
+    verb("/set/jump", Command::Jump,
+        "!jump SONG", r#"{"jump":2}"#, "start the song with this number or title"),
+    reporting(verb("/set/hold", Command::SetHold,
+        "!set_hold [1|0]", r#"{"set_hold":true}"#, "hold the cue list of the song while the dance goes on, until 0; without a number, toggle"), Readout::SetHold),
     Verb { address: None, command: dance(DanceCommand::Hold(false)), readout: None,
         text: "", message: r#"{"hold":false}"#, help: "continue after a hold (OSC: 0 to `/hold`)" },
 ];
@@ -216,7 +225,7 @@ const fn readout(
 
 /// All OSC addresses that only report a value, in the order in which the values are reported.
 #[rustfmt::skip]
-pub const READOUTS: [ReadoutAddress; 16] = [
+pub const READOUTS: [ReadoutAddress; 19] = [
     readout("/cue/LABEL/lamp", Shape::Count(2), Readout::Lamp(0), "LABEL is idle (0), armed (1) or danced (2)"),
     readout("/beat/phase", Shape::Unit, Readout::Phase, "position within the beat"),
     readout("/beat/bpm", BPM, Readout::Bpm, "the tempo, beats per minute"),
@@ -229,6 +238,9 @@ pub const READOUTS: [ReadoutAddress; 16] = [
     readout("/section", Shape::Section, Readout::Section, "the section of the music: intro, groove, build-up, drop, breakdown or outro"),
     readout("/section/next", Shape::Section, Readout::NextSection, "the section that the music announces; empty if it announces none"),
     readout("/phrase/beat", Shape::Place, Readout::PhraseBeat, "the place of the beat in its phrase"),
+    readout("/set/song", Shape::Text, Readout::Song, "the title of the song that is played"),
+    readout("/set/next", Shape::Text, Readout::NextSong, "the title of the song that GO starts"),
+    readout("/set/beat", Shape::Count(i32::MAX), Readout::SongBeat, "whole beats since the first beat of the song"),
     readout("/meter/in", Shape::Unit, Readout::Level, "level of the audio input: 0 at -60 dBFS or less, 1 at full scale"),
     readout("/meter/late", Shape::Number(0.0, 1000.0), Readout::Late, "milliseconds of lateness that 99 of 100 recent poses stayed within"),
     readout("/meter/overruns", Shape::Count(i32::MAX), Readout::Overruns, "times that audio was lost because the show was late"),

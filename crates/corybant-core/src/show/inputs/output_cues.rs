@@ -13,7 +13,11 @@ impl Show {
         for &cue in cues {
             match cue {
                 Cue::Output(command) => self.apply_to_outputs(command),
-                Cue::Dance(_) | Cue::Tempo(_) | Cue::TempoMessage(_) | Cue::Scene(_) => {}
+                Cue::Dance(_)
+                | Cue::Tempo(_)
+                | Cue::TempoMessage(_)
+                | Cue::Scene(_)
+                | Cue::Set(_) => {}
             }
         }
     }

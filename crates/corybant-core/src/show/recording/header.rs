@@ -21,6 +21,10 @@ pub struct Header {
     pub settings: String,
     /// The file, size and checksum of each dancer's motion graph, in the order of the dancers.
     pub graphs: Vec<Danced>,
+    /// The name of each pad at the start, to which the numbers in the recorded cues refer. Empty in
+    /// recordings of earlier versions: the pads are then those of the graphs.
+    #[serde(skip)]
+    pub pads: Vec<String>,
 }
 
 /// The file, size and checksum of a motion graph, by which a replay recognises the graph.
@@ -81,6 +85,7 @@ impl Header {
             began_unix_s,
             settings,
             graphs,
+            pads: cast.pads().to_vec(),
         }
     }
 

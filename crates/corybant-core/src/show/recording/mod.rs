@@ -11,7 +11,7 @@
 //! | 8..12 | version |
 //! | 12.. | chunks: length (4 bytes), CRC-32 of the length and the content (4 bytes), content |
 //!
-//! The first chunk is the [`Header`]; each other chunk is a sequence of [`Entry`] values. An entry
+//! The first chunk is the [`Header`], then the names of its pads; each other chunk is a sequence of [`Entry`] values. An entry
 //! is never divided between two chunks. Chunks are encoded with postcard. A chunk is written every
 //! half second, so that a crash loses at most half a second.
 

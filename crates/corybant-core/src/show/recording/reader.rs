@@ -116,10 +116,14 @@ impl<R: Read> Reader<R> {
             });
         }
         reader.left = 0;
-        let head =
-            postcard::from_bytes(&reader.chunk).map_err(|error| RecordingError::Damaged {
-                reason: error.to_string(),
-            })?;
+        let damaged = |error: postcard::Error| RecordingError::Damaged {
+            reason: error.to_string(),
+        };
+        let (mut head, rest): (Header, _) =
+            postcard::take_from_bytes(&reader.chunk).map_err(damaged)?;
+        if !rest.is_empty() {
+            head.pads = postcard::from_bytes(rest).map_err(damaged)?;
+        }
         Ok((head, reader))
     }
 

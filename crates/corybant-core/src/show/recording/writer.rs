@@ -132,7 +132,7 @@ impl RecordingWriter {
 /// [`RecordingError`] if the header cannot be encoded.
 pub fn beginning(head: &Header) -> Result<Vec<u8>, RecordingError> {
     let mut bytes = [&MAGIC[..], &VERSION.to_le_bytes()].concat();
-    bytes.extend(chunk(&encoded(head)?));
+    bytes.extend(chunk(&[encoded(head)?, encoded(&head.pads)?].concat()));
     Ok(bytes)
 }
 
@@ -200,6 +200,7 @@ mod tests {
             began_unix_s: 0,
             settings: String::new(),
             graphs: Vec::new(),
+            pads: vec!["salsa".into()],
         };
         let file = [beginning(&head).unwrap(), chunk(&bytes[..n])].concat();
         let (_, mut reader) = Reader::open(&file[..]).unwrap();

@@ -28,7 +28,11 @@ impl Show {
                 // What a performer sets by hand ends the fade of a scene.
                 Cue::Dance(DanceCommand::Intensity(_)) => self.scenes.intensity = None,
                 Cue::Output(OutputCommand::Offset(_)) => self.scenes.offset = None,
-                Cue::Dance(_) | Cue::Tempo(_) | Cue::TempoMessage(_) | Cue::Output(_) => {}
+                Cue::Dance(_)
+                | Cue::Tempo(_)
+                | Cue::TempoMessage(_)
+                | Cue::Output(_)
+                | Cue::Set(_) => {}
             }
         }
         if begins {

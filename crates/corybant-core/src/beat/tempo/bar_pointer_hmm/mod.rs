@@ -15,6 +15,8 @@
 //! head moves, and only the states near a beat are multiplied. The unit of time in this file is the
 //! hop.
 
+mod hint;
+
 use super::period_range::PeriodRange;
 use super::state_space::{
     NEAR_MAX, TempoInterpolation, beat_worth, bell, bpm, log_prior, observation_ratio, period_hops,
@@ -32,6 +34,12 @@ const TRANSITION_MIN: f32 = 1e-4;
 /// or phase. In each hop, each allowed tempo gets this value times its prior probability, divided
 /// by its beat period in hops.
 const RESTART: f32 = 3e-5;
+/// Weight, 0..1, of a tempo hint in the probabilities of the tempi at the start of the music. The
+/// prior has the remaining weight.
+const HINT_AT_START: f32 = 0.9;
+/// Weight, 0..1, of a tempo hint in the probabilities of the tempi at which the model restarts; see
+/// [`RESTART`].
+const HINT_AT_RESTART: f32 = 0.5;
 /// Greatest difference of beat period at which a state supports a beat grid (is evidence for it):
 /// the absolute natural logarithm of the ratio of the two periods.
 const SUPPORT_PERIOD: f64 = 0.06;
@@ -124,6 +132,12 @@ pub struct BarPointerHmm {
     /// `[ring]`: prior probability of the tempo of this ring; all sum to 1. A ring has the states
     /// of one beat period.
     prior: Vec<f32>,
+    /// `[ring]`: probability of the tempo of this ring by the tempo hint; all sum to 1. Without a
+    /// hint it equals `prior`.
+    hint: Vec<f32>,
+    /// `[ring]`: factor from the tempo hint by which the probability of this beat period is
+    /// multiplied once per beat; 1 without a hint.
+    hint_gain: Vec<f32>,
     /// Index range of the allowed rings; the other rings get practically no probability. A ring has
     /// the states of one beat period.
     allowed: std::ops::Range<usize>,
@@ -181,6 +195,8 @@ impl BarPointerHmm {
             rings,
             states: vec![0.0; start],
             transitions,
+            hint: Vec::new(),
+            hint_gain: Vec::new(),
             prior,
             worth,
             bell: bell(),
@@ -190,6 +206,8 @@ impl BarPointerHmm {
         };
         let sum: f32 = hmm.prior.iter().sum();
         hmm.prior.iter_mut().for_each(|prior| *prior /= sum);
+        hmm.hint.clone_from(&hmm.prior);
+        hmm.hint_gain = vec![1.0; hmm.prior.len()];
         hmm.spread_phases(0.0);
         hmm
     }
@@ -256,8 +274,9 @@ impl BarPointerHmm {
             let ring = &mut self.rings[i];
             ring.turn();
             let slot = ring.slot(0);
-            self.states[slot] =
-                entering * self.tempo_gain[i] + RESTART * self.prior[i] / ring.hops as f32;
+            let restart = mixed(self.prior[i], self.hint[i], HINT_AT_RESTART);
+            self.states[slot] = entering * self.tempo_gain[i] * self.hint_gain[i]
+                + RESTART * restart / ring.hops as f32;
         }
     }
 
@@ -276,12 +295,13 @@ impl BarPointerHmm {
     }
 
     /// Makes all phases of each tempo equally likely. The new probability of a tempo is a weighted
-    /// mean of the old one (weight `tempo_kept`, 0..1) and the prior (the remaining weight).
+    /// mean of the old one (weight `tempo_kept`, 0..1) and the prior with the tempo hint (the
+    /// remaining weight).
     pub fn spread_phases(&mut self, tempo_kept: f32) {
         for (i, ring) in self.rings.iter().enumerate() {
             let states = &mut self.states[ring.start..ring.start + ring.hops];
-            let tempo =
-                tempo_kept * states.iter().sum::<f32>() + (1.0 - tempo_kept) * self.prior[i];
+            let new = mixed(self.prior[i], self.hint[i], HINT_AT_START);
+            let tempo = tempo_kept * states.iter().sum::<f32>() + (1.0 - tempo_kept) * new;
             states.fill(if self.allowed.contains(&i) {
                 tempo / ring.hops as f32
             } else {
@@ -395,6 +415,11 @@ impl BarPointerHmm {
             grid
         }
     }
+}
+
+/// Returns the weighted mean of `a` and `b`, in which `b` has the weight `part`, 0..1.
+fn mixed(a: f32, b: f32, part: f32) -> f32 {
+    a + part * (b - a)
 }
 
 /// Returns the possible tempo changes at a beat to the beat period with index `to`. `rings` has one

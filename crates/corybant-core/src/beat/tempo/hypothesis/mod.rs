@@ -71,6 +71,14 @@ const PHASE_LOST_S: f64 = 1.0;
 /// Weight, 0..1, of the old probabilities of the tempi after a pause, when all phases become
 /// equally likely. The prior of the tempi has the remaining weight.
 const TEMPO_KEPT: f32 = 0.7;
+/// Weight, 0..1, of the old probabilities of the tempi when a hint names another tempo than the
+/// present one.
+const TEMPO_KEPT_AT_HINT: f32 = 0.5;
+/// Recent probability of the beat grid, 0..1, from which on a tempo hint has done its work: after a
+/// pause, the tempo of the music counts again and not the hint.
+const HINT_PASSED_SHARE: f64 = 0.3;
+/// Longest time for which a tempo hint changes the tempo of music that plays, in seconds.
+const HINT_S: f64 = 6.0;
 /// Fraction of the total probability, 0..1, that the states around a beat grid get when a performer
 /// sets this grid.
 const SEED_SHARE: f32 = 0.9;
@@ -120,6 +128,10 @@ pub struct TempoHypothesis {
     /// True if a performer set the tempo. The beat period then stays within half an octave of that
     /// tempo.
     octave_held: bool,
+    /// True if a tempo hint has not been confirmed or refuted by music yet.
+    is_hint_new: bool,
+    /// Time for which there was music since the tempo hint, in seconds.
+    hint_s: f64,
     /// Number of latest beats in the correction line: the least-squares straight line (beat number
     /// to time) that corrects the grid. It is at most 7.
     fitted: f64,
@@ -156,6 +168,8 @@ impl TempoHypothesis {
             phase_odds: 0.0,
             is_classified: false,
             octave_held: false,
+            is_hint_new: false,
+            hint_s: 0.0,
             fitted: 0.0,
             measure: 0.0,
             latest: [0.0; HOPS],
@@ -187,7 +201,8 @@ impl TempoHypothesis {
             return None;
         }
         if now - self.active_at > PHASE_LOST_S {
-            self.hmm.spread_phases(TEMPO_KEPT);
+            let kept = if self.is_hint_new { 0.0 } else { TEMPO_KEPT };
+            self.hmm.spread_phases(kept);
         }
         self.active_at = now;
         self.latest.rotate_right(1);
@@ -198,6 +213,7 @@ impl TempoHypothesis {
         };
         let support = self.support(grid, heard);
         self.share = support.share + (self.share - support.share) * self.share_keep;
+        self.age_hint();
         let right = self.right(support.share);
         self.confidence = right + (self.confidence - right) * self.confidence_keep;
         if let Some(other) = self.challenger(grid, support, heard) {
@@ -219,6 +235,24 @@ impl TempoHypothesis {
         self.adopt(grid, heard);
     }
 
+    /// Makes tempi near `period` (seconds) more probable at the next start of the music, and a little
+    /// more probable at any time; `None` removes this hint. If the present grid has another tempo,
+    /// the grid stays until the music decides.
+    pub fn hint(&mut self, period: Option<f64>) {
+        self.hmm.set_hint(period.map(|period| period / HOP_S));
+        self.is_hint_new = period.is_some();
+        self.hint_s = 0.0;
+        let Some(period) = period else { return };
+        match self.grid {
+            None => self.hmm.spread_phases(0.0),
+            Some(grid) if maths::log2(grid.period / period).abs() > SAME_TEMPO_OCTAVES => {
+                self.release_octave();
+                self.hmm.spread_phases(TEMPO_KEPT_AT_HINT);
+            }
+            Some(_) => {}
+        }
+    }
+
     /// Protects the phase of the beat grid, because a performer set it. The grid does not change to
     /// the off-beats or to half or twice the tempo. It changes to another phase of the same tempo
     /// only after 8 s.
@@ -232,6 +266,19 @@ impl TempoHypothesis {
         self.hmm
             .restrict(self.range.octave_around(period).in_hops(HOP_S));
         self.octave_held = true;
+    }
+
+    /// Ends the effect of a tempo hint on the music that plays, once the tempo of the music was found or
+    /// the music has had enough time to show its tempo.
+    fn age_hint(&mut self) {
+        if !self.is_hint_new {
+            return;
+        }
+        self.hint_s += HOP_S;
+        if self.share >= HINT_PASSED_SHARE || self.hint_s > HINT_S {
+            self.is_hint_new = false;
+            self.hmm.end_hint_gain();
+        }
     }
 
     /// Returns true while there is a beat grid: false before the first grid is found and after the

@@ -158,7 +158,10 @@ impl OscMap {
             // A beat or a timecode needs a time, which the receiver adds.
             (Command::Beat | Command::Timecode, _) => Ok(None),
             // Touch surfaces send 0 when the finger leaves a button; this does not change a value.
-            (Command::Nudge | Command::Bpm | Command::Source, Value::Number(0.0)) => Ok(None),
+            (
+                Command::Nudge | Command::Bpm | Command::Source | Command::Jump,
+                Value::Number(0.0),
+            ) => Ok(None),
             _ => command
                 .cue(argument)
                 .map(Some)
@@ -181,7 +184,10 @@ impl OscMap {
             }
             (_, Some(_)) => Some(cue),
             (Cue::Dance(command), None) => command.on_release().map(Cue::Dance),
-            (Cue::Tempo(_) | Cue::TempoMessage(_) | Cue::Output(_) | Cue::Scene(_), None) => None,
+            (
+                Cue::Tempo(_) | Cue::TempoMessage(_) | Cue::Output(_) | Cue::Scene(_) | Cue::Set(_),
+                None,
+            ) => None,
         }
     }
 }
@@ -194,9 +200,11 @@ fn pressure(argument: Value) -> Result<Option<f32>, Rejected> {
         Value::Absent => Ok(Some(1.0)),
         Value::Number(x) if x > 0.0 => Ok(Some(x.min(1.0) as f32)),
         Value::Number(x) if x <= 0.0 => Ok(None),
-        Value::Number(_) | Value::Source(_) | Value::Other => Err(Rejected::Argument {
-            takes: Argument::Button,
-        }),
+        Value::Number(_) | Value::Source(_) | Value::Title(_) | Value::Other => {
+            Err(Rejected::Argument {
+                takes: Argument::Button,
+            })
+        }
     }
 }
 

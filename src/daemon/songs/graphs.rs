@@ -1,0 +1,122 @@
+//! Takes over the motion graph of the song that is played. In: the songs that are played and come
+//! next, prepared graphs. Out: the changed show. Thread: show. Allocates: never after `new`.
+
+use corybant_core::cue::set::SongGraph;
+use corybant_core::show::Show;
+use corybant_core::show::graph_swap::SwapRefusal;
+use corybant_core::show::recording::RecordingWriter;
+use corybant_core::time::Seconds;
+
+use super::GraphInbox;
+use super::desk::SongGraphs;
+use crate::daemon::show_change::NewGraph;
+
+/// Changes the graphs of a show with its songs.
+pub(super) struct GraphChanger {
+    /// Number of the graph of each song.
+    graph_of: Box<[usize]>,
+    /// The graph of the song that is played, and the graph that the show needs next.
+    current: usize,
+    wanted: usize,
+    in_use: usize,
+    /// A prepared graph that waits for its song.
+    waiting: Option<usize>,
+    inbox: GraphInbox,
+}
+
+impl GraphChanger {
+    pub(super) fn new(graph_of: Vec<usize>, inbox: GraphInbox) -> Self {
+        Self {
+            graph_of: graph_of.into(),
+            current: 0,
+            wanted: 0,
+            in_use: 0,
+            waiting: None,
+            inbox,
+        }
+    }
+
+    fn graph_of(&self, song: Option<usize>) -> Option<usize> {
+        self.graph_of.get(song?).copied()
+    }
+
+    /// Wants the graph of the song `current`, and as soon as that is in use the graph of the song
+    /// `following`.
+    pub(super) fn want(&mut self, current: Option<usize>, following: Option<usize>) {
+        self.current = self.graph_of(current).unwrap_or(0);
+        self.wanted = match self.current == self.in_use {
+            true => self.graph_of(following).unwrap_or(self.current),
+            false => self.current,
+        };
+        self.inbox.desk.want(self.wanted);
+    }
+
+    /// Receives a prepared graph, and changes the dancers of `show` to it once its song is played.
+    /// Returns a graph that nobody wants any more.
+    pub(super) fn receive(
+        &mut self,
+        show: &mut Show,
+        mut writer: Option<&mut RecordingWriter>,
+        now: Seconds,
+    ) {
+        let Self {
+            current,
+            wanted,
+            in_use,
+            waiting,
+            inbox,
+            ..
+        } = self;
+        let desk = &inbox.desk;
+        inbox.prepared.receive(|prepared| {
+            *waiting = None;
+            let is_wanted = prepared.graph == *wanted && prepared.graph != *in_use;
+            let is_begun = prepared.done > 0;
+            if !is_begun && (!is_wanted || prepared.edits != desk.edits()) {
+                return Some(());
+            }
+            if prepared.graph != *current && !is_begun {
+                *waiting = Some(prepared.graph);
+                return None;
+            }
+            let is_over = take_over(prepared, show, &mut writer, now)?;
+            if is_over {
+                *in_use = prepared.graph;
+                desk.use_graph(prepared.graph);
+            }
+            Some(())
+        });
+    }
+
+    /// Returns the state of the graph of `song`.
+    pub(super) fn state_of(&self, song: Option<usize>) -> SongGraph {
+        match self.graph_of(song) {
+            Some(graph) if graph != self.in_use && Some(graph) != self.waiting => {
+                SongGraph::Loading
+            }
+            _ => SongGraph::Ready,
+        }
+    }
+}
+
+/// Takes over the changes of `prepared` one after the other. Returns true after the last one, false
+/// if a change no longer fits the show, and `None` if the next change must wait for a later tick.
+fn take_over(
+    prepared: &mut SongGraphs,
+    show: &mut Show,
+    writer: &mut Option<&mut RecordingWriter>,
+    now: Seconds,
+) -> Option<bool> {
+    while let Some(NewGraph { swap, danced }) = prepared.changes.get_mut(prepared.done) {
+        match show.swap_graph(swap) {
+            Err(SwapRefusal::NotYet) => return None,
+            Err(SwapRefusal::OtherGraph) => return Some(false),
+            Ok(()) => {}
+        }
+        if let Some(writer) = writer {
+            writer.graph(now, swap.dancer(), danced);
+        }
+        prepared.done += 1;
+    }
+    Some(true)
+}

@@ -1,0 +1,107 @@
+//! The set list of a running show: which song is played, and the motion graph that it needs. In:
+//! commands, the beat, timecode, graphs that the show-file thread has prepared. Out: cues, events,
+//! the state for displays. Thread: show. Allocates: never after `new`.
+
+pub(super) mod desk;
+mod graphs;
+
+use std::sync::Arc;
+
+use crate::config::song::LoadedSongs;
+use crate::rt::handoff::HandoffReceiver;
+use corybant_core::cue::Cue;
+use corybant_core::cue::list::lead::TimecodeLead;
+use corybant_core::cue::set::{Moment, SetCommand, SetList, SetStatus};
+use corybant_core::show::recording::RecordingWriter;
+use corybant_core::show::{Event, Show};
+use corybant_core::time::Seconds;
+
+use super::reload::songs::SongGraphFiles;
+use desk::{GraphDesk, SongGraphs};
+use graphs::GraphChanger;
+
+/// The set list of a show, for the show thread.
+pub(super) struct SetLeader {
+    list: SetList,
+    graphs: GraphChanger,
+}
+
+/// Opens the set list `songs`: the part of the show-file thread, if songs have graphs of their own,
+/// and the part of the show thread, if there are songs.
+pub(super) fn open(songs: LoadedSongs) -> (Option<SongGraphFiles>, Option<SetLeader>) {
+    let (outbox, inbox) = desk::exchange();
+    let files = songs.graphs.clone();
+    let preparation = (!files.is_empty()).then_some(SongGraphFiles { files, outbox });
+    (preparation, SetLeader::new(songs, inbox))
+}
+
+/// The show thread's side of the exchange of prepared graphs.
+pub(super) struct GraphInbox {
+    pub(super) desk: Arc<GraphDesk>,
+    pub(super) prepared: HandoffReceiver<SongGraphs>,
+}
+
+impl SetLeader {
+    /// Creates the set list of `songs`, whose graphs arrive through `inbox`. `None` if there is no
+    /// song.
+    fn new(songs: LoadedSongs, inbox: GraphInbox) -> Option<Self> {
+        if songs.songs.is_empty() {
+            return None;
+        }
+        Some(Self {
+            graphs: GraphChanger::new(songs.graph_of, inbox),
+            list: SetList::new(songs.songs),
+        })
+    }
+
+    /// Takes a command of a performer.
+    pub(super) fn command(&mut self, command: SetCommand) {
+        self.list.command(command);
+    }
+
+    /// Advances to the show time `now`: sends the cues that are due to `send`, and adds what has
+    /// changed to `events`. `lead` follows the timecode source of the show.
+    pub(super) fn tick(
+        &mut self,
+        (now, show): (Seconds, &Show),
+        lead: Option<&mut TimecodeLead>,
+        send: &mut dyn FnMut(Cue),
+        events: &mut dyn FnMut(Event),
+    ) {
+        let music = show.music();
+        let moment = Moment {
+            now,
+            timeline: music.timeline,
+            form: music.form,
+            is_heard: music.heard,
+            is_sounding: show.is_sounding(),
+        };
+        self.list.tick(&moment, lead, send);
+        while let Some(event) = self.list.next_event() {
+            events(Event::Set(event));
+        }
+    }
+
+    /// Changes the dancers to the graph of the song that is played, if it is prepared and can be
+    /// taken over now. `writer` records the change.
+    pub(super) fn change_graph(
+        &mut self,
+        show: &mut Show,
+        writer: Option<&mut RecordingWriter>,
+        now: Seconds,
+    ) {
+        self.graphs.want(self.list.current(), self.list.next());
+        self.graphs.receive(show, writer, now);
+    }
+
+    /// Returns the state for displays.
+    pub(super) fn status(&self) -> SetStatus {
+        let status = self.list.status();
+        let index = |song: Option<u16>| song.map(usize::from);
+        SetStatus {
+            graph: self.graphs.state_of(index(status.current)),
+            next_graph: self.graphs.state_of(index(status.next)),
+            ..status
+        }
+    }
+}
