@@ -186,7 +186,8 @@ impl Settings {
                 "{key}.intensity is {amount}: a number from 0 to 1, or \"music\", is allowed"
             ));
         }
-        if let Some(ms) = self.offset_ms.filter(|ms| !(ms.abs() <= OFFSET_MS_MAX)) {
+        let range = -OFFSET_MS_MAX..=OFFSET_MS_MAX;
+        if let Some(ms) = self.offset_ms.filter(|ms| !range.contains(ms)) {
             problems.push(format!(
                 "{key}.offset_ms is {ms}: -{OFFSET_MS_MAX} to {OFFSET_MS_MAX} is allowed"
             ));
