@@ -2,6 +2,7 @@
 //! danced again by a replay of the recording.
 #![allow(clippy::unwrap_used)]
 
+use std::collections::BTreeMap;
 use std::net::{SocketAddr, UdpSocket};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -24,40 +25,55 @@ pub fn start(folder: &Path) -> Program {
     show(folder, "show.toml", &["127.0.0.1:9".into()], SCENES)
 }
 
-/// A control surface on this machine.
-struct Surface(UdpSocket);
+/// A control surface on this machine, with the last value of each address.
+struct Surface {
+    socket: UdpSocket,
+    values: BTreeMap<String, OscType>,
+}
 
 impl Surface {
+    fn new() -> Self {
+        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let timeout = Some(Duration::from_secs(30));
+        socket.set_read_timeout(timeout).unwrap();
+        Self {
+            socket,
+            values: BTreeMap::new(),
+        }
+    }
+
     fn send(&self, to: SocketAddr, address: &str) {
         let message = OscPacket::Message(OscMessage {
             addr: address.into(),
             args: vec![OscType::Float(1.0)],
         });
         let bytes = encoder::encode(&message).unwrap();
-        self.0.send_to(&bytes, to).unwrap();
+        self.socket.send_to(&bytes, to).unwrap();
     }
 
     /// Waits until the show reports `value` at `address`.
-    fn reports(&self, address: &str, value: f32) {
+    fn reports(&mut self, address: &str, value: f32) {
         let start = Instant::now();
         let mut bytes = [0; 65536];
-        while start.elapsed() < Duration::from_secs(30) {
-            let length = self.0.recv(&mut bytes).unwrap();
+        while self.values.get(address) != Some(&OscType::Float(value)) {
+            assert!(
+                start.elapsed() < Duration::from_secs(30),
+                "{address} is never {value}"
+            );
+            let length = self.socket.recv(&mut bytes).unwrap();
             let (_, packet) = rosc::decoder::decode_udp(&bytes[..length]).unwrap();
-            if has(&packet, address, value) {
-                return;
-            }
+            self.take(packet);
         }
-        panic!("{address} is never {value}");
     }
-}
 
-fn has(packet: &OscPacket, address: &str, value: f32) -> bool {
-    match packet {
-        OscPacket::Message(message) => {
-            message.addr == address && message.args == [OscType::Float(value)]
+    fn take(&mut self, packet: OscPacket) {
+        match packet {
+            OscPacket::Message(message) => {
+                let value = message.args.into_iter().next();
+                self.values.extend(value.map(|value| (message.addr, value)));
+            }
+            OscPacket::Bundle(bundle) => bundle.content.into_iter().for_each(|it| self.take(it)),
         }
-        OscPacket::Bundle(bundle) => bundle.content.iter().any(|it| has(it, address, value)),
     }
 }
 
@@ -80,9 +96,7 @@ fn a_scene_is_recalled_by_osc_and_by_http() {
     let folder = tempfile::tempdir().unwrap();
     let mut program = start(folder.path());
     let (osc, page) = (program.listening("osc"), program.listening("page"));
-    let surface = Surface(UdpSocket::bind("127.0.0.1:0").unwrap());
-    let timeout = Some(Duration::from_secs(30));
-    surface.0.set_read_timeout(timeout).unwrap();
+    let mut surface = Surface::new();
     assert_eq!(get(page, "/api").json()["scenes"], json!(["Calm", "solo"]));
     surface.send(osc, "/sync");
     surface.reports("/scene/calm", 0.0);

@@ -186,7 +186,8 @@ impl Settings {
                 "{key}.intensity is {amount}: a number from 0 to 1, or \"music\", is allowed"
             ));
         }
-        if let Some(ms) = self.offset_ms.filter(|ms| !(ms.abs() <= OFFSET_MS_MAX)) {
+        let range = -OFFSET_MS_MAX..=OFFSET_MS_MAX;
+        if let Some(ms) = self.offset_ms.filter(|ms| !range.contains(ms)) {
             problems.push(format!(
                 "{key}.offset_ms is {ms}: -{OFFSET_MS_MAX} to {OFFSET_MS_MAX} is allowed"
             ));
@@ -326,7 +327,7 @@ mod tests {
         for (text, problem) in [
             ("intensity = \"loud\"", "a number from 0 to 1, or \"music\""),
             ("dancers = 3", "a list of the dancers that dance"),
-            ("quantise = \"phrase\"", "unknown variant"),
+            ("quantise = \"chorus\"", "unknown variant"),
         ] {
             let error = toml::from_str::<Settings>(text).unwrap_err().to_string();
             assert!(error.contains(problem), "{error}");

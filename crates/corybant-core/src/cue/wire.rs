@@ -148,12 +148,12 @@ mod tests {
                 .into(),
                 vec![12, 1, 1, 0xac, 2],
             ),
-            (SetCommand::Go.into(), vec![13, 0]),
+            (SetCommand::Go.into(), vec![14, 0]),
             (
                 SetCommand::Jump(SongRef::Number(3)).into(),
-                vec![13, 2, 0, 3],
+                vec![14, 2, 0, 3],
             ),
-            (SetCommand::Hold(Some(true)).into(), vec![13, 3, 1, 1]),
+            (SetCommand::Hold(Some(true)).into(), vec![14, 3, 1, 1]),
             (
                 TempoCommand::Hint(Some(Bpm(0.5))).into(),
                 with(&[6, 9, 1], &half_second),
