@@ -27,10 +27,7 @@ pub struct LoadedSongs {
     pub songs: Vec<Song>,
     /// Title of each song.
     pub titles: Vec<String>,
-    /// Number of the graph of each song: 0 for the graphs of the show, otherwise an index in
-    /// `graphs` plus one.
-    pub graph_of: Vec<usize>,
-    /// The graph files that songs name.
+    /// The graph files that songs name; the first has the number 1 in [`Song::graph`].
     pub graphs: Vec<PathBuf>,
 }
 
@@ -76,11 +73,13 @@ pub fn load(
             continue;
         };
         match read_song(song, folder, cast) {
-            Ok(read) => loaded.songs.push(read),
+            Ok(read) => loaded.songs.push(Song {
+                graph: number,
+                ..read
+            }),
             Err(found) => problems.extend(found.into_iter().map(|why| format!("{key}.{why}"))),
         }
         loaded.titles.push(song.title.trim().into());
-        loaded.graph_of.push(number);
     }
     if problems.is_empty() {
         Ok((loaded, show))

@@ -88,6 +88,11 @@ impl GraphChanger {
         });
     }
 
+    /// Returns the number of the graph that the show uses.
+    pub(super) fn in_use(&self) -> usize {
+        self.in_use
+    }
+
     /// Returns the state of the graph of `song`.
     pub(super) fn state_of(&self, song: Option<usize>) -> SongGraph {
         match self.graph_of(song) {

@@ -20,6 +20,9 @@ use super::reload::songs::SongGraphFiles;
 use desk::{GraphDesk, SongGraphs};
 use graphs::GraphChanger;
 
+/// Number of beats before the start of a song at which the dancers change to its graph.
+const CHANGE_BEATS: f32 = 1.0;
+
 /// The set list of a show, for the show thread.
 pub(super) struct SetLeader {
     list: SetList,
@@ -49,7 +52,7 @@ impl SetLeader {
             return None;
         }
         Some(Self {
-            graphs: GraphChanger::new(songs.graph_of, inbox),
+            graphs: GraphChanger::new(songs.songs.iter().map(|song| song.graph).collect(), inbox),
             list: SetList::new(songs.songs),
         })
     }
@@ -75,6 +78,7 @@ impl SetLeader {
             form: music.form,
             is_heard: music.heard,
             is_sounding: show.is_sounding(),
+            graph: self.graphs.in_use(),
         };
         self.list.tick(&moment, lead, send);
         while let Some(event) = self.list.next_event() {
@@ -90,7 +94,11 @@ impl SetLeader {
         writer: Option<&mut RecordingWriter>,
         now: Seconds,
     ) {
-        self.graphs.want(self.list.current(), self.list.next());
+        let status = self.list.status();
+        let [current, next] = [status.current, status.next].map(|song| song.map(usize::from));
+        // The graph of a song that is about to start must be there for its first cue.
+        let is_near = status.beats_left.is_some_and(|beats| beats <= CHANGE_BEATS);
+        self.graphs.want(if is_near { next } else { current }, next);
         self.graphs.receive(show, writer, now);
     }
 

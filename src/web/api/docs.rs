@@ -42,7 +42,7 @@ second; further ones get the status 429.
 
 | request | response |
 |---|---|
-| `GET /api` | `api` (version of this interface: 1), `version` of the program, `right` of the token, `dancers`, `labels`, `clips`, `sources`, and all `requests` below |
+| `GET /api` | `api` (version of this interface: 1), `version` of the program, `right` of the token, `dancers`, `labels`, `clips`, `songs`, `sources`, and all `requests` below |
 | `GET /api/state` | the state of the show |
 | `GET /api/events?hz=5` | server-sent events: `state` with that state, 0.5 to 30 times per second; `beat` with `beat`, `bar`, `beats_per_bar`, `bpm`; `names` with `labels` and `clips`, when they have changed |
 
@@ -58,6 +58,7 @@ The state:
 | `motion`, `label`, `clip`, `next` | `label`, `free` or `idle`; the label that is danced, or `null`; the clip that is danced, and the one of the last final beat |
 | `cues` | the waiting and running cues: `label`, `dancing`, `beats_left` |
 | `held`, `panicked` | true during a hold; true after a panic until the next cue or release |
+| `set` | `null` without a set list; otherwise `song` and `next_song` (titles or `null`), `current` and `next` (their indices from 0), `beats_left` until the next song if it waits for its bar, `follows` (`none`, `music`: it waits for it, `beat` or `timecode`), `beat` or `seconds` in the song, `held`, `graph` and `next_graph` (`ready` or `loading`) |
 | `warnings` | the current warnings of the show |
 
 ## Commands

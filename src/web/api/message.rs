@@ -136,7 +136,7 @@ fn of_message(message: &str, help: &'static str, right: Right) -> Option<Request
             body.append(&mut keys);
             Value::Object(body)
         }
-        Value::Bool(true) if name != "hold" => Value::Null,
+        Value::Bool(true) if !["hold", "set_hold"].contains(&name.as_str()) => Value::Null,
         object @ Value::Object(_) => object,
         value => json!({ "value": value }),
     };

@@ -166,6 +166,12 @@ impl CueList {
         }
     }
 
+    /// Says that the list waits at the time `time` (seconds) and the beat `beat` before its first cue.
+    /// Cues that are over when it goes on are then not sent.
+    pub fn wait_at(&mut self, time: f64, beat: Option<f64>) {
+        self.before.get_or_insert((time, beat));
+    }
+
     /// Ends the list where it is: calls `send` for the cues that cancel what the sent cues have in
     /// force. Afterwards the list can begin again. `period` is the present beat period in seconds.
     pub fn end(&mut self, period: f64, mut send: impl FnMut(Cue)) {

@@ -39,6 +39,8 @@ pub struct Moment {
     pub is_heard: bool,
     /// True while there is sound, and about one second after it.
     pub is_sounding: bool,
+    /// Number of the motion graph that the show uses; see [`Song::graph`].
+    pub graph: usize,
 }
 
 impl Moment {
@@ -354,12 +356,14 @@ impl SetList {
             }
             return;
         };
+        // Without its graph a song has labels that the dancers lack, so its cues wait for the graph.
+        let is_ready = self.songs[song].graph == moment.graph;
         let list = &mut self.songs[song].cues;
         if self.held.is_none() && self.run != Run::Music {
             list.section(moment.form.begun(moment.beat(), LEAD_BEATS), &mut *send);
         }
         if let Some(lead) = lead {
-            if is_led {
+            if is_led && is_ready {
                 let period = moment.timeline.period_at(moment.now);
                 lead.tick(moment.now, period, list, send);
                 let (beat, seconds) = lead.song_position(moment.now);
@@ -372,7 +376,10 @@ impl SetList {
             Run::Music => self.position = Position::Music,
             Run::Beats { beat, time } if self.held.is_none() => {
                 let beat = moment.beat() - beat;
-                list.due(moment.now.0 - time, Some(beat), send);
+                match is_ready {
+                    true => list.due(moment.now.0 - time, Some(beat), send),
+                    false => list.wait_at(moment.now.0 - time, Some(beat)),
+                }
                 self.position = Position::Beat(beat);
             }
             Run::Beats { .. } | Run::Timecode => {}

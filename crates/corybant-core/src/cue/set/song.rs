@@ -65,6 +65,8 @@ pub struct Song {
     pub start: Start,
     /// The place in timecode, if timecode starts the song.
     pub timecode: Option<LedPlace>,
+    /// Number of the motion graph that the song needs; 0 is that of the show.
+    pub graph: usize,
     /// The key of the title.
     pub key: TitleKey,
 }
@@ -79,6 +81,7 @@ impl Song {
             quantise: Quantise::Bar,
             start: Start::Go,
             timecode: None,
+            graph: 0,
             key: TitleKey::of(title),
         }
     }

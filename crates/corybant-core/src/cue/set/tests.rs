@@ -29,6 +29,7 @@ struct Rig {
     tick: u64,
     is_heard: bool,
     is_sounding: bool,
+    graph: usize,
     /// The cues that were sent, each with the beat of the show at that time.
     sent: Vec<(f64, Cue)>,
     events: Vec<SetEvent>,
@@ -42,6 +43,7 @@ impl Rig {
             tick: 0,
             is_heard: true,
             is_sounding: true,
+            graph: 0,
             sent: Vec::new(),
             events: Vec::new(),
         }
@@ -64,6 +66,7 @@ impl Rig {
                 form: Form::default(),
                 is_heard: self.is_heard,
                 is_sounding: self.is_sounding,
+                graph: self.graph,
             };
             let (beat, sent) = (self.now() / PERIOD_S, &mut self.sent);
             self.list.tick(&moment, self.lead.as_mut(), &mut |cue| {
@@ -238,6 +241,28 @@ fn a_held_list_goes_on_from_where_it_was() {
         &rig.launches().0,
         &[(1, 4.0 + 8.0 - 0.5 + 11.0), (2, 4.0 + 12.0 + 11.3)],
     );
+}
+
+#[test]
+fn cues_wait_for_the_graph_of_their_song() {
+    let song = || Song {
+        graph: 1,
+        ..Song::new("One", cues("@0 salsa 4\n@1 pop 16\n@12 disco\n"))
+    };
+    for (ready, expected) in [
+        (6.0, [(0, 6.0), (1, 6.0), (2, 15.5)]),
+        (12.0, [(1, 12.0), (2, 15.5), (2, 15.5)]),
+    ] {
+        let mut rig = Rig::new(vec![song()]);
+        rig.command(SetCommand::Go);
+        rig.until(ready);
+        assert_eq!(rig.launches().0, []);
+        rig.graph = 1;
+        rig.until(20.0);
+        let mut launched = rig.launches().0;
+        launched.extend(launched.last().copied().filter(|_| launched.len() == 2));
+        near(&launched, &expected);
+    }
 }
 
 #[test]

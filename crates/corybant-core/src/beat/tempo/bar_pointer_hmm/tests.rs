@@ -107,3 +107,52 @@ fn tempo_likelihoods_count() {
     let bpm = 6000.0 / hmm.likeliest().period;
     assert!((bpm - 90.0).abs() < 5.0, "{bpm}");
 }
+
+/// Returns the probability of beat periods within 6 % of `period`.
+fn share_of(hmm: &BarPointerHmm, period: f64) -> f64 {
+    let near = |ring: &&Ring| maths::ln(ring.hops as f64 / period).abs() < 0.06;
+    let rings = hmm.rings.iter().filter(near);
+    let states = rings.flat_map(|ring| &hmm.states[ring.start..ring.start + ring.hops]);
+    states.map(|&state| f64::from(state)).sum()
+}
+
+/// Feeds `beats` beats with a period of `period` hops, and returns the number of the first beat after
+/// which this period has half of the probability.
+fn beats_until_found(hmm: &mut BarPointerHmm, period: usize, beats: usize) -> Option<usize> {
+    let mut found = None;
+    for hop in 0..beats * period {
+        let is_beat = hop % period == 3;
+        hmm.update(if is_beat { 0.8 } else { 0.02 }, &[]);
+        if share_of(hmm, period as f64) > 0.5 {
+            found = found.or(Some(hop / period));
+        }
+    }
+    found
+}
+
+#[test]
+fn a_hint_finds_its_tempo_at_once_and_hides_no_other_tempo() {
+    let plain = beats_until_found(&mut hmm(), 69, 16).unwrap();
+    for (hint, latest) in [(69.0, 1), (62.0, 8), (46.0, 10), (103.0, 10)] {
+        let mut hmm = hmm();
+        hmm.set_hint(Some(hint));
+        hmm.spread_phases(0.0);
+        assert!(share_of(&hmm, hint) > 0.8);
+        let found = beats_until_found(&mut hmm, 69, 16).unwrap();
+        assert!(found <= latest, "hint {hint}: found at beat {found}");
+        assert!(hint != 69.0 || found < plain, "{found} and {plain}");
+    }
+}
+
+#[test]
+fn a_hint_that_is_removed_or_out_of_range_leaves_the_prior() {
+    let before = hmm();
+    for hint in [None, Some(1.0), Some(1e9), Some(f64::NAN)] {
+        let mut hmm = hmm();
+        hmm.set_hint(Some(50.0));
+        hmm.set_hint(hint);
+        hmm.spread_phases(0.0);
+        assert!((share_of(&hmm, 50.0) - share_of(&before, 50.0)).abs() < 1e-6);
+        assert!((all(&hmm) - 1.0).abs() < 1e-4);
+    }
+}
