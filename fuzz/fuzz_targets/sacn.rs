@@ -23,7 +23,7 @@ fuzz_target!(|bytes: &[u8]| {
             ..PatchEntry::default()
         },
     ];
-    let mut patch = DmxPatch::new(&entries, &labels).expect("the labels exist");
+    let mut patch = DmxPatch::new(&entries, (&labels).into()).expect("the labels exist");
     let (mut merge, mut rest, mut now) = (Merge::new(Seconds(sacn::LOST_AFTER_S)), bytes, 0.0);
     while let [high, low, when, after @ ..] = rest {
         let length = usize::from(u16::from_be_bytes([*high, *low])).min(after.len());
