@@ -10,7 +10,7 @@ mod apply;
 pub(super) mod edits;
 mod graphs;
 mod settling;
-pub(super) mod songs;
+mod songs;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -29,7 +29,6 @@ pub(super) use apply::ReloadContext;
 use apply::{Applied, LiveSettings};
 use edits::{Edit, EditResult, EditSender};
 use settling::{Change, FileContent, Settling};
-use songs::SongGraphFiles;
 
 /// Interval at which the show-file thread reads the show file.
 const POLL_INTERVAL: Duration = Duration::from_millis(500);
@@ -59,8 +58,8 @@ pub(super) struct Reload {
 
 impl Reload {
     /// Starts the show-file thread for a show that was started with `config` and `outputs`. Each
-    /// element of `outputs` is the index of a dancer and an output of that dancer's poses. `songs` are
-    /// the graphs of songs, if there are any. Returns `None` if the show has no show file.
+    /// element of `outputs` is the index of a dancer and an output of that dancer's poses. Returns
+    /// `None` if the show has no show file.
     ///
     /// # Errors
     /// The operating system cannot start a thread.
@@ -68,7 +67,6 @@ impl Reload {
         config: &Config,
         outputs: &[(usize, Output)],
         context: ReloadContext,
-        songs: Option<SongGraphFiles>,
     ) -> std::io::Result<Option<Self>> {
         let Some((path, text)) = config.file.clone() else {
             return Ok(None);
@@ -82,7 +80,7 @@ impl Reload {
             return Ok(None);
         };
         let (edits, waiting) = edits::edits();
-        let live = LiveSettings::new(started, outputs, context, folder_of(&path), songs);
+        let live = LiveSettings::new(started, outputs, context, folder_of(&path));
         let watcher = ShowFileWatcher {
             edits: waiting,
             path,
