@@ -58,7 +58,7 @@ impl Snapshot {
     /// "label":index|null,"idle":bool,"next":clip index,"ahead":[label|null|-1 for idle, one per
     /// beat],"queue":[[label,dancing,beats_left],…],"poses":[{"root":[x,y,z],"rot":[x,y,z,w of joint
     /// 0, of joint 1, …]}, …],"set":{…}|null,"faults":{"name":count,…}}`. `set` is described at
-    /// [`SetState`]. `poses` are in the order of the dancers in
+    /// `set_state.rs`. `poses` are in the order of the dancers in
     /// the message `hello`. A position `root` is in stage space, in metres; a rotation in `rot` is
     /// relative to the parent joint. `faults` has only faults that have occurred. A number that is
     /// not finite becomes `null`.
