@@ -254,15 +254,13 @@ fn start(
     let mut opener = OutputOpener::new(cast, config.plan.seed, &inputs.faults);
     let outputs = opener.open(&config.output)?;
     let show = create_show(config, cast, &inputs.faults)?;
-    let about = about(config, cast)?;
-    let (snapshots, page_snapshots) = Snapshot::channel(&about.joint_counts());
-    let mut watchers = Watchers::new(snapshots);
+    let (about, states, mut watchers) = page_parts(config, cast)?;
     let (context, inbox) = listener_context(config, cast, &inputs, &outputs);
-    let (listeners, leds) =
-        Listeners::open(config, about, page_snapshots, &mut watchers, &context)?;
+    let (listeners, leds) = Listeners::open(config, about, states, &mut watchers, &context)?;
     let performers = Performers::open(config, cast, &context)?;
     print_addresses(config, cast, &listeners, &outputs);
     let (change_sender, changes) = handoff();
+    let (song_graphs, songs) = songs::open(inputs.songs);
     let monitor = monitor::create(config, cast, &outputs, &performers, &context);
     let reload_context = ReloadContext {
         opener,
@@ -273,10 +271,9 @@ fn start(
         graph: inputs.graph.clone(),
         is_recorded: inputs.recordings.show.is_some(),
         new_outputs: monitor.new_outputs.clone(),
+        songs: song_graphs,
     };
-    let (song_graphs, songs) = songs::open(inputs.songs);
-    let reload = Reload::start(config, &outputs, reload_context, song_graphs)
-        .map_err(DaemonError::Thread)?;
+    let reload = Reload::start(config, &outputs, reload_context).map_err(DaemonError::Thread)?;
     let parts = TakeParts {
         inbox,
         performer: performers.recorded(),
@@ -293,8 +290,7 @@ fn start(
         show,
         samples: inputs.samples,
         cue_list: inputs.cue_list,
-        leader: ListLeader::new(&config.timecode, inputs.song, &context, &monitor)
-            .with_songs(songs),
+        leader: ListLeader::new(&config.timecode, (inputs.song, songs), &context, &monitor),
         streams: Streams::new(outputs).map_err(DaemonError::Thread)?,
         cues: context.cues,
         performers,
@@ -353,12 +349,15 @@ fn create_show(config: &Config, cast: &Cast, faults: &Arc<Faults>) -> Result<Sho
     Ok(Show::new(cast.clone(), &settings, source, faults.clone())?)
 }
 
-/// Returns the static data of the show for its page, with the avatars of the dancers. Without a
-/// page there are no dancers to draw.
+/// Returns the static data of the show for its page, with the avatars of the dancers, the state that
+/// the page reads, and the writers of the state. Without a page there are no dancers to draw.
 ///
 /// # Errors
 /// [`DaemonError::Avatar`] if an avatar file cannot be used.
-fn about(config: &Config, cast: &Cast) -> Result<About, DaemonError> {
+fn page_parts(
+    config: &Config,
+    cast: &Cast,
+) -> Result<(About, triple_buffer::Output<Snapshot>, Watchers), DaemonError> {
     let mut about = About::new(cast, &config.tempo);
     if config.page.is_off() {
         about.dancers.clear();
@@ -370,7 +369,8 @@ fn about(config: &Config, cast: &Cast) -> Result<About, DaemonError> {
             dancer.avatar = Some(avatar);
         }
     }
-    Ok(about)
+    let (snapshots, page_snapshots) = Snapshot::channel(&about.joint_counts());
+    Ok((about, page_snapshots, Watchers::new(snapshots)))
 }
 
 /// Prints the addresses of the listeners and of the receivers of poses. Logs a warning for each

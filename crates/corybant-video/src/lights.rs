@@ -182,6 +182,8 @@ mod tests {
             confidence: 1.0,
             energy: 1.0,
             music,
+            section: None,
+            begins_section: false,
         }
     }
 

@@ -24,10 +24,11 @@ use corybant_core::tempo::source::TempoSource;
 use corybant_core::time::{Bpm, Seconds};
 
 use super::graphs::{GraphContext, GraphFiles, GraphProblem, NewGraphs};
-use super::songs::{SongGraphFiles, SongPreparation};
+use super::songs::SongPreparation;
 use crate::daemon::listeners::{ListenerContext, ListenerControls};
 use crate::daemon::outputs::{self, OutputOpener};
 use crate::daemon::show_change::ShowChange;
+use crate::daemon::songs::desk::SongGraphFiles;
 use crate::daemon::streams::{NewStreams, Streams};
 use crate::daemon::vitals::CountedOutputs;
 
@@ -53,6 +54,8 @@ pub(in crate::daemon) struct ReloadContext {
     /// Sender of the new outputs to the collector of vitals (measurements of the show), which
     /// counts the datagrams of these outputs.
     pub(in crate::daemon) new_outputs: Latest<CountedOutputs>,
+    /// The graphs of songs; `None` if no song has a graph of its own.
+    pub(in crate::daemon) songs: Option<SongGraphFiles>,
 }
 
 /// Datagram counter and offset of an output, which other threads share with the show thread.
@@ -104,14 +107,13 @@ impl LiveSettings {
     pub(super) fn new(
         started: Config,
         outputs: &[(usize, Output)],
-        context: ReloadContext,
+        mut context: ReloadContext,
         folder: &Path,
-        songs: Option<SongGraphFiles>,
     ) -> Self {
         let handles = outputs.iter().map(|(_, output)| OutputHandles::of(output));
         Self {
             graphs: GraphFiles::new(&started, context.graph.clone(), folder),
-            songs: songs.map(SongPreparation::new),
+            songs: context.songs.take().map(SongPreparation::new),
             first_pads: context.opener.cast().pads().len(),
             current: started.clone(),
             started,

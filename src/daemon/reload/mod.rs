@@ -12,7 +12,7 @@ pub(super) mod edits;
 mod graphs;
 mod included;
 mod settling;
-pub(super) mod songs;
+mod songs;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -32,7 +32,6 @@ use apply::{Applied, LiveSettings};
 use edits::{Edit, EditResult, EditSender};
 use included::{Found, IncludedFiles};
 use settling::{Change, FileContent, Settling};
-use songs::SongGraphFiles;
 
 /// Interval at which the show-file thread reads the show file.
 const POLL_INTERVAL: Duration = Duration::from_millis(500);
@@ -62,8 +61,8 @@ pub(super) struct Reload {
 
 impl Reload {
     /// Starts the show-file thread for a show that was started with `config` and `outputs`. Each
-    /// element of `outputs` is the index of a dancer and an output of that dancer's poses. `songs` are
-    /// the graphs of songs, if there are any. Returns `None` if the show has no show file.
+    /// element of `outputs` is the index of a dancer and an output of that dancer's poses. Returns
+    /// `None` if the show has no show file.
     ///
     /// # Errors
     /// The operating system cannot start a thread.
@@ -71,7 +70,6 @@ impl Reload {
         config: &Config,
         outputs: &[(usize, Output)],
         context: ReloadContext,
-        songs: Option<SongGraphFiles>,
     ) -> std::io::Result<Option<Self>> {
         let Some((path, text)) = config.file.clone() else {
             return Ok(None);
@@ -87,7 +85,7 @@ impl Reload {
         let (edits, waiting) = edits::edits();
         let included = IncludedFiles::new(&started.files);
         file.set_included(included.paths());
-        let live = LiveSettings::new(started, outputs, context, folder_of(&path), songs);
+        let live = LiveSettings::new(started, outputs, context, folder_of(&path));
         let watcher = ShowFileWatcher {
             edits: waiting,
             path,

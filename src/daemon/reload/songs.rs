@@ -6,17 +6,10 @@ use std::path::PathBuf;
 
 use super::apply::LiveSettings;
 use super::graphs::{GraphProblem, NewGraphs};
-use crate::daemon::songs::desk::{GraphOutbox, SongGraphs};
+use crate::daemon::songs::desk::{GraphOutbox, SongGraphFiles, SongGraphs};
 
 /// Subject under which the warning about a graph of a song is set and cleared.
 const ABOUT: &str = "song";
-
-/// The graphs of the songs of a show.
-pub(in crate::daemon) struct SongGraphFiles {
-    /// The graph files that songs name.
-    pub(in crate::daemon) files: Vec<PathBuf>,
-    pub(in crate::daemon) outbox: GraphOutbox,
-}
 
 /// Prepares the graphs of the songs of a running show.
 pub(super) struct SongPreparation {

@@ -1,6 +1,7 @@
 //! The exchange of the motion graphs of songs between the show and the show-file thread. In: the
 //! graph that the show wants. Out: prepared graphs. Thread: show and show-file; neither waits.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
@@ -66,6 +67,13 @@ pub(in crate::daemon) struct SongGraphs {
 pub(in crate::daemon) struct GraphOutbox {
     pub(in crate::daemon) desk: Arc<GraphDesk>,
     pub(in crate::daemon) prepared: HandoffSender<SongGraphs>,
+}
+
+/// The graphs of the songs of a show.
+pub(in crate::daemon) struct SongGraphFiles {
+    /// The graph files that songs name.
+    pub(in crate::daemon) files: Vec<PathBuf>,
+    pub(in crate::daemon) outbox: GraphOutbox,
 }
 
 /// Creates the two sides of the exchange.

@@ -16,8 +16,7 @@ use corybant_core::show::recording::RecordingWriter;
 use corybant_core::show::{Event, Show};
 use corybant_core::time::Seconds;
 
-use super::reload::songs::SongGraphFiles;
-use desk::{GraphDesk, SongGraphs};
+use desk::{GraphDesk, SongGraphFiles, SongGraphs};
 use graphs::GraphChanger;
 
 /// Number of beats before the start of a song at which the dancers change to its graph.

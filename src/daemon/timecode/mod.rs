@@ -36,17 +36,19 @@ pub(super) struct ListLeader {
 }
 
 impl ListLeader {
-    /// Creates the leader of the cues of `song` in a show with these settings. Cues go to the queue of
+    /// Creates the leader of the cues of `song`, or of the set list `songs`, in a show with these
+    /// settings. Cues go to the queue of
     /// `context`, which also has the readings of the listeners; `monitor` displays the state.
     pub(super) fn new(
         settings: &Settings,
-        song: LedSong,
+        (song, songs): (LedSong, Option<SetLeader>),
         context: &ListenerContext,
         monitor: &Monitor,
     ) -> Self {
         let LedSong { beats, ltc } = song;
         Self {
             lead: settings.is_on().then(|| TimecodeLead::new(settings, beats)),
+            songs,
             ltc,
             ..Self::without_timecode(&context.cues, monitor.timecode.clone())
         }
@@ -62,11 +64,6 @@ impl ListLeader {
             ignored: 0,
             status,
         }
-    }
-
-    /// Returns this leader with the set list `songs`.
-    pub(super) fn with_songs(self, songs: Option<SetLeader>) -> Self {
-        Self { songs, ..self }
     }
 
     /// Returns the set list.

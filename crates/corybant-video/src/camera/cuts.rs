@@ -119,6 +119,8 @@ mod tests {
             confidence: 1.0,
             energy: energies[n / 4],
             music: true,
+            section: None,
+            begins_section: false,
         };
         (0..4 * energies.len()).map(beat).collect()
     }

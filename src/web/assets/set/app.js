@@ -36,7 +36,11 @@ function connection(now) {
 function showProblems() {
   const list = [trouble, ...standing].filter(Boolean);
   $('problems').hidden = list.length === 0;
-  $('problems').replaceChildren(...list.map((text) => Object.assign(document.createElement('li'), { textContent: text })));
+  $('problems').replaceChildren(...list.map((text) => {
+    const item = document.createElement('li');
+    item.append(Object.assign(document.createElement('span'), { textContent: text }));
+    return item;
+  }));
 }
 
 function send(message) {

@@ -58,7 +58,7 @@ pub fn find(samples: &[f32], beats: &mut [Beat]) -> Result<(), BeatError> {
 }
 
 /// Returns the form of the music at each of `beats`, in which the next section is announced
-/// [`ANNOUNCED_BEATS`] beats ahead. The first of `beats` has the number `first`.
+/// 16 beats ahead. The first of `beats` has the number `first`.
 pub fn forms(beats: &[Beat], first: i64) -> Vec<Form> {
     let start = |(number, beat): (i64, &Beat)| {
         let section = beat.section.filter(|_| beat.begins_section)?;
