@@ -77,7 +77,8 @@ def main() -> None:
         sections = [(float(np.interp(float(time), times, np.arange(len(times)))), name) for time, name in rows]
         right = [beat for beat, _ in sections if beat > FIRST]
         begun = [(beat, decided, name) for beat, decided, name, word in found if word == "begun" and beat > FIRST]
-        starts = [beat for beat, _, _ in begun]
+        # A section can get another name after its start.
+        starts = sorted({round(beat) for beat, _, _ in begun})
         found_counts += hits(starts, right), len(starts), len(right)
         counted = [float(beat) for beat in range(8 * BAR, len(times), 8 * BAR)]
         bar_counts += hits(counted, right), len(counted), len(right)

@@ -306,7 +306,7 @@ fn dmx_inputs_are_read_and_their_problems_have_lines() {
         ),
         (
             "[[dmx_in.patch]]\nchannel = 600\nlabel = \"a\"",
-            "show.toml:2: dmx_in 1.patch 1.channel is 600; it must be from 1 to 512",
+            "show.toml:3: dmx_in 1.patch 1.channel is 600; it must be from 1 to 512",
         ),
         (
             "[[dmx_in]]",

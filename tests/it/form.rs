@@ -129,6 +129,10 @@ fn starts_of_sections_in_music_of_others_are_found_more_often_than_by_counting_b
             .iter()
             .filter(|found| !found.is_announced && found.beat > FIRST_BEATS)
             .map(|found| found.beat)
+            .collect::<Vec<_>>()
+            // A section can get another name after its start.
+            .chunk_by(|a, b| a == b)
+            .map(|chunk| chunk[0])
             .collect();
         let every_8_bars: Vec<f64> = (1..)
             .map(|n| 32.0 * f64::from(n))

@@ -24,6 +24,7 @@ use corybant_core::tempo::source::TempoSource;
 use corybant_core::time::{Bpm, Seconds};
 
 use super::graphs::{GraphContext, GraphFiles, GraphProblem, NewGraphs};
+use super::one_thread::on_one_thread;
 use super::songs::SongPreparation;
 use crate::daemon::listeners::{ListenerContext, ListenerControls};
 use crate::daemon::outputs::{self, OutputOpener};
@@ -489,16 +490,4 @@ impl LiveSettings {
             live.push("tempo.bpm");
         }
     }
-}
-
-/// Calls `compute` with parallel work on one thread, because the show and the sound need the other
-/// processors.
-///
-/// # Errors
-/// The operating system cannot start a thread.
-fn on_one_thread<T: Send>(
-    compute: impl FnOnce() -> T + Send,
-) -> Result<T, rayon::ThreadPoolBuildError> {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
-    Ok(pool.install(compute))
 }

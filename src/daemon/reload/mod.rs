@@ -11,6 +11,7 @@ mod apply;
 pub(super) mod edits;
 mod graphs;
 mod included;
+mod one_thread;
 mod settling;
 mod songs;
 

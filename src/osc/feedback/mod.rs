@@ -13,6 +13,7 @@ use triple_buffer::{Input, Output};
 use crate::rt::show_names::NamesReader;
 use corybant_core::beat::form::section::SectionStart;
 use corybant_core::cue::namespace::Namespace;
+use corybant_core::cue::scene::SceneId;
 use corybant_core::cue::verbs::{Readout, Shape};
 use corybant_core::fault::{Fault, Faults};
 use corybant_core::graph::LabelId;
@@ -208,9 +209,7 @@ impl StatePublisher {
         };
         match readout {
             Readout::Pad(label) => Value::Float(f32::from(lamp(label) as u8) / 2.0),
-            Readout::Scene(scene) if status.scene == Some(scene) => Value::Float(1.0),
-            Readout::Scene(scene) if status.next_scene == Some(scene) => Value::Float(0.5),
-            Readout::Scene(_) => Value::Float(0.0),
+            Readout::Scene(scene) => scene_value(status, scene),
             Readout::Lamp(label) => Value::Int(lamp(label) as i32),
             Readout::Hold => Value::Float(on(status.held)),
             Readout::Offset => Value::Float(rounded(status.offset * 1000.0, 10.0)),
@@ -233,10 +232,7 @@ impl StatePublisher {
             Readout::Source => Value::Text(status.source.name().into()),
             Readout::Section => section_value(status, status.form.now),
             Readout::NextSection => section_value(status, status.form.next),
-            Readout::PhraseBeat => {
-                let (place, beats) = status.phrase;
-                Value::Place(place as i32 + 1, beats as i32)
-            }
+            Readout::PhraseBeat => phrase_value(status.phrase),
             Readout::From(source) => Value::Float(on(status.source == source)),
             Readout::Frozen => Value::Float(on(status.frozen)),
             Readout::SetGo => Value::Float(on(set.beats_left.is_some())),
@@ -255,6 +251,20 @@ impl StatePublisher {
             Readout::Heartbeat => Value::Int(0),
         }
     }
+}
+
+/// Returns the value of the scene with this number: 1 if it is on, 0.5 if it waits, otherwise 0.
+fn scene_value(status: &Status, scene: SceneId) -> Value {
+    Value::Float(match scene {
+        scene if status.scene == Some(scene) => 1.0,
+        scene if status.next_scene == Some(scene) => 0.5,
+        _ => 0.0,
+    })
+}
+
+/// Returns the value of the place in a phrase, from 0, and the number of beats in the phrase.
+fn phrase_value((place, beats): (u32, u32)) -> Value {
+    Value::Place(place as i32 + 1, beats as i32)
 }
 
 /// Returns the value of the section `start` of a show with this status.

@@ -56,6 +56,8 @@ pub struct FormTracker {
     current: Option<i64>,
     /// Number of silent beats until now.
     silent: u32,
+    /// True if the section that plays was foreseen for its first beat.
+    is_foreseen: bool,
     form: Form,
 }
 
@@ -71,6 +73,7 @@ impl FormTracker {
             inputs: [0.0; INPUTS],
             current: None,
             silent: 0,
+            is_foreseen: false,
             form: Form::default(),
         })
     }
@@ -138,10 +141,15 @@ impl FormTracker {
     /// Updates the form by the network's `estimate` after the beat before `next`.
     fn decide(&mut self, estimate: &Estimate, next: i64, bars: Bars) {
         match (self.beginning(estimate, next, bars), &mut self.form.now) {
-            (Some(start), now) => *now = Some(start),
+            (Some(start), now) => {
+                self.is_foreseen = start.beat == next;
+                *now = Some(start);
+            }
             (None, Some(now)) => {
                 let (section, confidence) = most_likely(&estimate.now);
-                if confidence > OTHER_MIN {
+                // The first beats of a section still sound much like the one before.
+                let is_settled = !self.is_foreseen || next - now.beat > BEATS_BACK as i64;
+                if confidence > OTHER_MIN && is_settled {
                     now.section = section;
                 }
                 now.confidence = estimate.now[now.section as usize];

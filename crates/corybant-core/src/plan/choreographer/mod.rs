@@ -20,6 +20,7 @@
 
 mod moves;
 mod phrase;
+mod sections;
 
 use crate::beat::form::section::{Form, Section};
 use crate::graph::{Attribute, Graph, LabelId};
@@ -58,10 +59,6 @@ const BREAKDOWN_ENERGY_MAX: f32 = 0.35;
 const DROP_LEVEL_MIN: f32 = 0.85;
 /// Confidence from which a section counts.
 const SECTION_SURE: f32 = 0.5;
-/// Greatest number of beats after the start of a section at which its dance may still begin.
-const SECTION_LATE_MAX: i64 = 4;
-/// Least number of beats that a move lasts before the next section replaces it.
-const SECTION_STAY_MIN: i64 = 4;
 /// Number of phrases in an arc.
 const ARC_PHRASES: u32 = 4;
 /// Growth of the wanted energy of the moves over an arc, and contrast between its phrases.
@@ -253,52 +250,6 @@ impl Choreographer {
         is_drop
     }
 
-    /// Returns true if a drop has just begun whose dance has not.
-    fn hear_drop(&mut self, moment: &Moment) -> bool {
-        let start = moment.form.begun(moment.from as f64, 0.0);
-        let Some(start) = start.filter(|start| start.section == Section::Drop) else {
-            return false;
-        };
-        let late = moment.from - start.beat;
-        let is_new = start.confidence >= SECTION_SURE
-            && (0..SECTION_LATE_MAX).contains(&late)
-            && start.beat - self.dropped >= DROP_BEATS_MIN;
-        if is_new {
-            (self.dropped, self.section) = (start.beat, start.beat);
-        }
-        is_new
-    }
-
-    /// Returns true if a section has just begun whose dance has not.
-    fn hear_section(&mut self, moment: &Moment) -> bool {
-        let Some(start) = moment.form.begun(moment.from as f64, 0.0) else {
-            return false;
-        };
-        let is_new = start.beat != self.section;
-        self.section = start.beat;
-        is_new
-            && moment.from - start.beat < SECTION_LATE_MAX
-            && moment.from - self.block.start >= SECTION_STAY_MIN
-    }
-
-    /// Ends the present move where the next section begins, if the music announces it. Returns true
-    /// if it does.
-    fn end_at_section(&mut self, moment: &Moment) -> bool {
-        let next = moment
-            .form
-            .next
-            .filter(|next| next.confidence >= SECTION_SURE);
-        let Some(next) = next.filter(|next| next.beat - self.block.start >= SECTION_STAY_MIN)
-        else {
-            return false;
-        };
-        if next.beat > moment.from && next.beat < self.block.end {
-            self.block.end = next.beat;
-            self.next = None;
-        }
-        self.block.end == next.beat
-    }
-
     /// Forgets the phrase and the beats at which moves were danced.
     fn restart(&mut self) {
         self.phrase = None;
@@ -433,13 +384,6 @@ impl Choreographer {
             .phrase
             .map_or(start + STAY_BEATS_MIN, |it| it.block_end(start, bars));
         Block { start, end, chosen }
-    }
-
-    /// Returns true if the signature move of a drop at the beat `from` begins there already.
-    fn has_prepared_drop(&self, from: i64) -> bool {
-        let block = self.next.filter(|next| next.start == from);
-        let chosen = block.and_then(|next| next.chosen);
-        chosen.is_some_and(|id| self.moves.traits(id).is_signature)
     }
 
     /// Returns the block of a signature move that begins at the beat `start`, at a drop.
