@@ -25,6 +25,8 @@ fn companion_controls_a_show_and_shows_its_state() {
         "[page]\nlisten = \"127.0.0.1:0\"",
         "[tempo]\nsource = \"fixed\"",
         "[[output]]\nto = \"127.0.0.1:9\"",
+        "[[scene]]\nname = \"calm\"\nintensity = 0.3",
+        "[[song]]\ntitle = \"Opening\"\n[[song]]\ntitle = \"Ballad\"",
     ];
     std::fs::write(&show, sections.join("\n")).unwrap();
     let mut program = Program::start(["run".as_ref(), show.as_os_str()]);

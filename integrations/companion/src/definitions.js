@@ -14,7 +14,9 @@ const PAD_STATES = [
 	{ id: 'danced', label: 'is danced' },
 	{ id: 'armed', label: 'is armed (waits or runs, but is not danced now)' },
 ]
-const QUANTISES = ['beat', 'now', 'bar', '2bars', '4bars', '8bars']
+const QUANTISES = ['beat', 'now', 'bar', '2bars', '4bars', '8bars', 'phrase']
+/** The sections of the music. */
+const SECTIONS = ['intro', 'groove', 'build-up', 'drop', 'breakdown', 'outro']
 const MODES = ['trigger', 'toggle', 'repeat']
 /** Buttons without an option: name of the action, its text, its command and body. */
 const BUTTONS = [
@@ -24,6 +26,10 @@ const BUTTONS = [
 	['half', 'Half as many beats', 'tempo', { value: 'half' }],
 	['double', 'Twice as many beats', 'tempo', { value: 'double' }],
 	['downbeat', 'The nearest beat begins the bar', 'tempo', { value: 'downbeat' }],
+	['scene_end', 'End the scene', 'scene_end'],
+	['go', 'GO: start the next song', 'go'],
+	['back', 'Back to the song before', 'back'],
+	['set_hold', 'Hold the cue list of the song, or go on', 'set_hold'],
 ]
 
 const choices = (list) => list.map((id) => ({ id, label: id }))
@@ -81,6 +87,16 @@ export function actions(about, send, state) {
 			options: [{ type: 'dropdown', id: 'source', label: 'Source', choices: choices(about.sources), default: about.sources[0] ?? 'audio' }],
 			callback: ({ options: { source } }) => send('tempo', { value: `source ${source}` }),
 		},
+		scene: {
+			name: 'Recall a scene',
+			options: [{ type: 'dropdown', id: 'scene', label: 'Scene', choices: choices(about.scenes), default: about.scenes[0] ?? '', allowCustom: true }],
+			callback: ({ options: { scene } }) => send('scene', { value: scene }),
+		},
+		jump: {
+			name: 'Start a song of the set list',
+			options: [{ type: 'dropdown', id: 'song', label: 'Song', choices: choices(about.songs), default: about.songs[0] ?? '', allowCustom: true }],
+			callback: ({ options: { song } }) => send('jump', { value: song }),
+		},
 	}
 	for (const [id, name, command, body] of BUTTONS) {
 		definitions[id] = { name, options: [], callback: () => send(command, body) }
@@ -114,6 +130,14 @@ export function feedbacks(about, state, beat) {
 		panicked: flag('Panic is on', RED, () => Boolean(state()?.panicked)),
 		music: flag('There is music', GREEN, () => Boolean(state()?.music)),
 		warning: flag('The show warns', RED, () => (state()?.warnings ?? []).length > 0),
+		scene: flag('A scene is on', GREEN, ({ options }) => state()?.scene === options.scene, [
+			{ type: 'dropdown', id: 'scene', label: 'Scene', choices: choices(about.scenes), default: about.scenes[0] ?? '', allowCustom: true },
+		]),
+		section: flag('A section of the music plays', BLUE, ({ options }) => state()?.section?.name === options.section, [
+			{ type: 'dropdown', id: 'section', label: 'Section', choices: choices(SECTIONS), default: 'drop' },
+		]),
+		set_held: flag('The cue list of the song is held', AMBER, () => Boolean(state()?.set?.held)),
+		song_waits: flag('A song waits for its bar', AMBER, () => typeof state()?.set?.beats_left === 'number'),
 		downbeat: flag('The first beat of the bar is now', WHITE, () => beat()?.bar === 0),
 	}
 }
@@ -129,6 +153,14 @@ export const VARIABLES = [
 	{ variableId: 'intensity', name: 'Intensity, percent, or "music"' },
 	{ variableId: 'confidence', name: 'Confidence of the beats, percent' },
 	{ variableId: 'source', name: 'Tempo source' },
+	{ variableId: 'scene', name: 'Scene' },
+	{ variableId: 'section', name: 'Section of the music' },
+	{ variableId: 'next_section', name: 'Section that the music announces' },
+	{ variableId: 'beats_to_section', name: 'Beats until that section' },
+	{ variableId: 'phrase', name: 'Beat of the phrase, from 1, and its length' },
+	{ variableId: 'song', name: 'Song' },
+	{ variableId: 'next_song', name: 'Next song' },
+	{ variableId: 'song_beat', name: 'Beat of the song' },
 	{ variableId: 'warning', name: 'First warning' },
 ]
 
@@ -145,6 +177,14 @@ export function values(state) {
 		intensity: state.intensity === null ? 'music' : percent(state.intensity),
 		confidence: percent(state.confidence),
 		source: state.source,
+		scene: state.scene ?? '',
+		section: state.section?.name ?? '',
+		next_section: state.next_section?.name ?? '',
+		beats_to_section: state.next_section ? Math.max(Math.ceil(state.next_section.beat - state.beat), 0) : '',
+		phrase: `${state.phrase.beat + 1}/${state.phrase.beats}`,
+		song: state.set?.song ?? '',
+		next_song: state.set?.next_song ?? '',
+		song_beat: Math.floor(state.set?.beat ?? 0),
 		warning: state.warnings[0] ?? '',
 	}
 }
@@ -178,6 +218,20 @@ export function presets(about) {
 	}
 	const music = { actionId: 'intensity', options: { music: true, percent: 70 } }
 	found.intensity_music = button('Show', 'Intensity by the music', 'MUSIC', music)
+	about.scenes.forEach((scene, n) => {
+		const feedback = { feedbackId: 'scene', options: { scene }, style: { bgcolor: GREEN } }
+		found[`scene_${n}`] = button('Scenes', scene, scene, { actionId: 'scene', options: { scene } }, [feedback])
+	})
+	if (about.scenes.length > 0) found.scene_end = button('Scenes', 'End the scene', 'END', { actionId: 'scene_end', options: {} })
+	const set = (id, text, feedbacks) => (found[id] = button('Set list', id, text, { actionId: id, options: {} }, feedbacks))
+	if (about.songs.length > 0) {
+		set('go', 'GO\\n$(corybant:next_song)', on('song_waits', AMBER))
+		set('back', 'BACK')
+		set('set_hold', 'HOLD\\n$(corybant:song)', on('set_held', AMBER))
+	}
+	about.songs.forEach((song, n) => {
+		found[`song_${n}`] = button('Set list', song, song, { actionId: 'jump', options: { song } })
+	})
 	const tempo = (id, text, feedbacks) => (found[id] = button('Tempo', text, text, { actionId: id, options: {} }, feedbacks))
 	tempo('tap', 'TAP\\n$(corybant:bpm)', [{ feedbackId: 'downbeat', options: {}, style: { bgcolor: WHITE, color: BLACK } }])
 	tempo('half', 'HALF')

@@ -5,7 +5,7 @@ import { actions, feedbacks, presets, values, VARIABLES } from './definitions.js
 import { Show } from './show.js'
 
 /** What a show without labels says; used before the first connection. */
-const NOTHING = { labels: [], sources: ['audio'] }
+const NOTHING = { labels: [], sources: ['audio'], scenes: [], songs: [] }
 
 class Corybant extends InstanceBase {
 	#show = null
@@ -78,7 +78,7 @@ class Corybant extends InstanceBase {
 	#update(state) {
 		this.#state = state
 		this.setVariableValues(values(state))
-		this.checkFeedbacks('pad', 'label', 'held', 'panicked', 'music', 'warning')
+		this.checkFeedbacks()
 	}
 }
 

@@ -1,4 +1,5 @@
-// Tests of the module against a running show, whose page is at CORYBANT_PAGE (HOST:PORT). The show has the built-in motions and a fixed tempo.
+// Tests of the module against a running show, whose page is at CORYBANT_PAGE (HOST:PORT). The show has the built-in motions, a fixed tempo,
+// the scene `calm` and the songs `Opening` and `Ballad`.
 
 import assert from 'node:assert/strict'
 import { readFileSync } from 'node:fs'
@@ -77,6 +78,24 @@ test('intensity and tempo', async () => {
 	await companion.addFeedback('downbeat', 'downbeat')
 	await companion.until('a downbeat', () => companion.flags.downbeat)
 	await companion.until('another beat', () => !companion.flags.downbeat)
+})
+
+test('scenes are recalled, and GO starts the songs of the set list', async () => {
+	await companion.addFeedback('calm', 'scene', { scene: 'calm' })
+	const calm = Object.entries(companion.presets).find(([, preset]) => preset.category === 'Scenes' && preset.name === 'calm')[0]
+	await companion.pressPreset(calm)
+	await companion.until('the scene', () => companion.flags.calm && companion.values.scene === 'calm')
+	await companion.pressPreset('scene_end')
+	await companion.until('the end of the scene', () => !companion.flags.calm)
+	assert.equal(companion.values.next_song, 'Opening')
+	await companion.pressPreset('go')
+	await companion.until('the first song', () => companion.values.song === 'Opening' && companion.values.next_song === 'Ballad')
+	await companion.addFeedback('set_held', 'set_held')
+	await companion.pressPreset('set_hold')
+	await companion.until('the hold of the song', () => companion.flags.set_held)
+	await companion.press('jump', { song: 'Ballad' })
+	await companion.until('the second song', () => companion.values.song === 'Ballad' && !companion.flags.set_held)
+	assert.match(companion.values.phrase, /^\d+\/\d+$/)
 })
 
 test('a refused command is in the log, with its reason', async () => {
