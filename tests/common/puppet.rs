@@ -159,6 +159,10 @@ impl Puppet {
             time,
             beat,
             bar_position: (beat.floor() as i64 - self.downbeat).rem_euclid(4) as u32,
+            phrase: (
+                (beat.floor() as i64 - self.downbeat).rem_euclid(32) as u32,
+                32,
+            ),
             bpm: BPM,
             confidence: 0.8 + 0.1 * (time as f32).sin(),
             energy: 0.5 + 0.4 * (time as f32 * 0.3).sin(),

@@ -155,8 +155,15 @@ fn add_method(address: &Address, value: Option<&Value>, json: &mut Map<String, J
         Shape::Number(min, max) => Some(json!([{ "MIN": min, "MAX": max }])),
         Shape::Count(max) => Some(json!([{ "MIN": 0, "MAX": max }])),
         Shape::Text => None,
-        Shape::Section => Some(json!([{}, { "MIN": -1 }, { "MIN": 0.0, "MAX": 1.0 }])),
-        Shape::Place => Some(json!([{ "MIN": 1 }, { "MIN": 1 }])),
+        Shape::Section => Some(json!([
+            {},
+            { "MIN": -1, "MAX": i32::MAX },
+            { "MIN": 0.0, "MAX": 1.0 },
+        ])),
+        Shape::Place => Some(json!([
+            { "MIN": 1, "MAX": i32::MAX },
+            { "MIN": 1, "MAX": i32::MAX },
+        ])),
     };
     json.extend(range.map(|range| ("RANGE".to_owned(), range)));
     if let Some(value) = value.filter(|_| read) {

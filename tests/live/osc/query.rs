@@ -159,31 +159,39 @@ fn check_node(node: &Value, path: &str) -> usize {
                 .is_some_and(|text| !text.is_empty()),
             "{path}"
         );
-        let tag = tag.as_str().unwrap();
-        assert!(matches!(tag, "f" | "i" | "s"), "{path}: {tag}");
+        let tags = tag.as_str().unwrap();
+        assert!(
+            matches!(tags, "f" | "i" | "s" | "sif" | "ii"),
+            "{path}: {tags}"
+        );
         let value = node.get("VALUE").map(|value| value.as_array().unwrap());
         assert_eq!(
             value.is_some(),
             access & 1 == 1,
             "{path}: only a readable address has a value"
         );
-        for value in value.into_iter().flatten() {
-            assert!(
-                if tag == "s" {
-                    value.is_string()
-                } else {
-                    value.is_number()
-                },
-                "{path}: {value} is no {tag}"
-            );
+        if let Some(values) = value {
+            assert_eq!(values.len(), tags.len(), "{path}");
+            for (tag, value) in tags.chars().zip(values) {
+                assert!(
+                    if tag == 's' {
+                        value.is_string()
+                    } else {
+                        value.is_number()
+                    },
+                    "{path}: {value} is no {tag}"
+                );
+            }
         }
-        if tag != "s" {
-            let range = node["RANGE"].as_array().unwrap();
-            assert_eq!(range.len(), 1, "{path}");
-            assert!(
-                range[0]["MIN"].as_f64().unwrap() < range[0]["MAX"].as_f64().unwrap(),
-                "{path}"
-            );
+        if tags != "s" {
+            let ranges = node["RANGE"].as_array().unwrap();
+            assert_eq!(ranges.len(), tags.len(), "{path}");
+            for (_, range) in tags.chars().zip(ranges).filter(|(tag, _)| *tag != 's') {
+                assert!(
+                    range["MIN"].as_f64().unwrap() < range["MAX"].as_f64().unwrap(),
+                    "{path}"
+                );
+            }
         }
     } else {
         assert!(
