@@ -267,7 +267,9 @@ await promise('the bar and its place in a phrase of eight are shown', async (pag
       }
     }, 50);
   }));
-  check(seen[1] === (seen[0] + 1) % 8 && seen[2] === (seen[1] + 1) % 8, `bars ${seen}`);
+  // A section of the music begins a phrase early.
+  const follows = (next, bar) => next === (bar + 1) % 8 || next === 0;
+  check(follows(seen[1], seen[0]) && follows(seen[2], seen[1]), `bars ${seen}`);
 });
 
 await promise('a pad can be focused and pressed by keyboard', async (page) => {
