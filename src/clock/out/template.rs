@@ -17,7 +17,7 @@ const ARGUMENTS_MAX: usize = 16;
 const TEXT_MAX: usize = 200;
 /// Greatest number of events from one message to the next.
 const EVERY_MAX: u32 = 64;
-/// Numbers of a tempo that are told apart: tenths of a beat per minute.
+/// Number of steps of the sent tempo in one beat per minute. A smaller change of the tempo is not sent.
 const TENTHS: f64 = 10.0;
 /// Characters that an OSC address must not contain.
 const NOT_IN_ADDRESS: &str = " #*,?[]{}";
